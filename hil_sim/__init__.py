@@ -1,0 +1,1 @@
+"""A laboratory in software: robot, load and sensors around the real firmware core."""

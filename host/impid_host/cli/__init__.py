@@ -1,0 +1,54 @@
+"""The `impid-host` command: one thin file per subcommand in this folder."""
+
+import importlib
+import sys
+
+import click
+
+from impid_host import __version__
+from impid_host.errors import ImpidError
+
+# name -> what it does; the module of the same name holds a click command called `command`.
+COMMANDS = {
+    "record": "Record the sensor board (or the simulator) into an MCAP file.",
+    "sync": "Offset and drift between the board's clock and the robot's log.",
+    "fit": "Identify the robot, then the load or arm, of a study.",
+    "import": "Turn foreign logs (CSV, Parquet, .mat) into a study folder.",
+    "export": "Write a study folder from a recording.",
+}
+
+
+class _LazyGroup(click.Group):
+    """Imports a subcommand only when it is asked for: `--help` stays quick."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:  # noqa: ARG002
+        return list(COMMANDS)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:  # noqa: ARG002
+        if cmd_name not in COMMANDS:
+            return None
+        module = importlib.import_module(f"impid_host.cli.{cmd_name}_" if cmd_name == "import" else f"impid_host.cli.{cmd_name}")
+        command: click.Command = module.command
+        return command
+
+
+@click.group(cls=_LazyGroup, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
+@click.version_option(__version__)
+def cli() -> None:
+    """Measure a human arm's mechanical impedance without a force sensor.
+
+    \b
+    The usual order:
+      impid-host record  --port /dev/ttyACM0 --duration 50 --out free_01.mcap
+      impid-host export  free_01.mcap --robot-log free_01.csv --trial free_01 --out study/
+      impid-host fit     study/
+    """
+
+
+def main() -> None:
+    """Run the command line; an error that the user can act on is one line and exit status 1."""
+    try:
+        cli(standalone_mode=True)
+    except ImpidError as error:
+        click.echo(f"impid-host: {error}", err=True)
+        sys.exit(1)

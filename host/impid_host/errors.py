@@ -1,0 +1,37 @@
+"""The errors a user can cause; each says what was wrong, where, and what to do about it.
+
+Anything else that escapes a command is a defect in impid itself.
+"""
+
+from pathlib import Path
+
+
+class ImpidError(Exception):
+    """Base of every error that a user can act on; the command line prints it as one line."""
+
+
+class InputError(ImpidError):
+    """A file that cannot be used as it is.
+
+    Args:
+        path: the file.
+        what: what is wrong, in plain words.
+        remedy: what the user can do about it.
+        row: 1-based line of the file, header included, where that is known.
+    """
+
+    def __init__(self, path: Path | str, what: str, remedy: str, *, row: int | None = None) -> None:
+        self.path = Path(path)
+        self.row = row
+        self.what = what
+        self.remedy = remedy
+        place = f"{path}" if row is None else f"{path}, row {row}"
+        super().__init__(f"{place}: {what}; {remedy}")
+
+
+class LinkError(ImpidError):
+    """The board cannot be reached, or it answers in a way that this version does not understand."""
+
+
+class UndeterminedError(ImpidError):
+    """The data do not determine what was asked for; a number would be a guess."""
