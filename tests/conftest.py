@@ -1,0 +1,24 @@
+"""Fixtures that every test may use."""
+
+import os
+from pathlib import Path
+
+import pytest
+
+CHECKOUT = Path(__file__).resolve().parent.parent
+
+
+@pytest.fixture(scope="session")
+def measured_data() -> Path:
+    """The folder of measured data: `IMPID_DATA`, or `shared/data` beside the checkout. Mark users `measured`.
+
+    Without the data the test is skipped with a reason that says so; a wrong `IMPID_DATA` is a failure, because
+    whoever set it meant the tests to run.
+    """
+    named = os.environ.get("IMPID_DATA")
+    folder = Path(named) if named else CHECKOUT.parent / "shared" / "data"
+    if (folder / "emps").is_dir():
+        return folder
+    if named:
+        pytest.fail(f"IMPID_DATA names {folder}, which holds no folder `emps`; see docs/data.md", pytrace=False)
+    pytest.skip(f"measured data not found at {folder}; set IMPID_DATA to their folder (docs/data.md)")
