@@ -1,0 +1,104 @@
+"""Serial bytes to frames: split at the delimiter, undo COBS, check CRC, header and length.
+
+A frame is accepted whole or not at all. After any damage the next delimiter starts afresh, so damage costs
+the frames it touches and no other; what it cost is counted here in bytes and frames, and in samples by
+the stream tracker, which sees the gap in the index.
+"""
+
+import zlib
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from cobs import cobs
+from numpy.typing import NDArray
+
+from impid_host.wire.frame import CRC_BYTES, DELIMITER, LARGEST_FRAME_BYTES
+from impid_host.wire.messages import HEADER, PROTOCOL_VERSION, RECORD_BYTES
+
+# CRC-32 over a message followed by its own CRC (little-endian) is this constant, whatever the message.
+_CRC_RESIDUE = 0x2144DF1C
+_HEADER_BYTES = HEADER.itemsize
+
+
+def _offset(name: str) -> int:
+    fields = HEADER.fields
+    assert fields is not None
+    return int(fields[name][1])
+
+
+_KIND_AT, _VERSION_AT, _COUNT_AT = _offset("kind"), _offset("version"), _offset("count")
+
+
+@dataclass(frozen=True, slots=True)
+class Frames:
+    """Good frames in order of arrival.
+
+    Attributes:
+        headers: structured array of the BATCH fields, shape (N,).
+        records: the records of each frame, without header and CRC.
+    """
+
+    headers: NDArray[Any]
+    records: Sequence[bytes]
+
+    def __len__(self) -> int:
+        return len(self.records)
+
+
+@dataclass(slots=True)
+class FrameCounts:
+    """What the line delivered: whole frames, damaged ones, and the bytes that belonged to no good frame."""
+
+    good_frames: int = 0
+    bad_frames: int = 0
+    bytes_discarded: int = 0
+
+
+@dataclass(slots=True)
+class Deframer:
+    """Feed it whatever the port gives, in pieces of any size."""
+
+    counts: FrameCounts = field(default_factory=FrameCounts)
+    _pending: bytes = b""
+    _overlong: bool = False  # within a run without a delimiter that is too long for any frame
+    _joined: bool = False  # a delimiter was seen: what follows starts at a frame's first byte
+
+    def feed(self, data: bytes) -> Frames:
+        """The frames that `data` completes."""
+        pieces = (self._pending + data).split(DELIMITER)
+        self._pending = pieces.pop()
+        raws = []
+        for piece in pieces:
+            raw = _open(piece) if piece and not self._overlong else None
+            if raw is not None:
+                raws.append(raw)
+            elif piece or self._overlong:
+                self._discard(piece)
+            self._joined, self._overlong = True, False
+        if len(self._pending) > LARGEST_FRAME_BYTES:
+            self.counts.bytes_discarded += len(self._pending)
+            self._pending, self._overlong = b"", True
+        self.counts.good_frames += len(raws)
+        headers = np.frombuffer(b"".join([raw[:_HEADER_BYTES] for raw in raws]), dtype=HEADER)
+        return Frames(headers=headers, records=[raw[_HEADER_BYTES:-CRC_BYTES] for raw in raws])
+
+    def _discard(self, piece: bytes) -> None:
+        self.counts.bytes_discarded += len(piece)
+        # Whoever listens in mid-frame gets the tail of one first: discarded, but nothing was damaged.
+        self.counts.bad_frames += self._joined
+
+
+def _open(piece: bytes) -> bytes | None:
+    """Header, records and CRC of one frame; None if anything about it is wrong."""
+    try:
+        raw: bytes = cobs.decode(piece)
+    except cobs.DecodeError:
+        return None
+    if len(raw) < _HEADER_BYTES + CRC_BYTES or zlib.crc32(raw) != _CRC_RESIDUE:
+        return None
+    size = RECORD_BYTES.get(raw[_KIND_AT])
+    if size is None or raw[_VERSION_AT] != PROTOCOL_VERSION:
+        return None
+    return raw if len(raw) == _HEADER_BYTES + raw[_COUNT_AT] * size + CRC_BYTES else None

@@ -1,0 +1,135 @@
+"""The message set as numpy sees it: every layout and every number is read from `impid.dbc`.
+
+The signals of a message are shifts and masks on its eight bytes taken as one little-endian 64-bit word, so
+a million messages are unpacked by one numpy expression for each signal.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from importlib import resources
+from typing import Any, cast
+
+import cantools
+import numpy as np
+from cantools.database.can import Database, Message, Signal
+from numpy.typing import ArrayLike, NDArray
+
+Words = NDArray[np.uint64]
+
+WORD_BYTES = 8
+PROTOCOL_VERSION = 1
+SAMPLE_PERIOD_US = 1000
+SERIAL_BAUD = 921600
+
+
+def _load() -> Database:
+    text = resources.files(__package__).joinpath("impid.dbc").read_text(encoding="utf-8")
+    return cast("Database", cantools.database.load_string(text, database_format="dbc"))
+
+
+DATABASE: Database = _load()
+
+
+def choices(message: str, signal: str) -> dict[str, int]:
+    """Names of the values of a signal, as the message set lists them: name -> number."""
+    named: Mapping[int, Any] = DATABASE.get_message_by_name(message).get_signal_by_name(signal).choices or {}
+    return {str(name): int(number) for number, name in named.items()}
+
+
+@dataclass(frozen=True, slots=True)
+class MessageLayout:
+    """Where the signals of an 8-byte message lie in its 64-bit word.
+
+    Attributes:
+        name: the message.
+        frame_id: its CAN identifier (11 bits).
+        fields: signal -> (shift, mask), so that value = (word >> shift) & mask.
+    """
+
+    name: str
+    frame_id: int
+    fields: Mapping[str, tuple[int, int]]
+
+    @classmethod
+    def of(cls, name: str) -> "MessageLayout":
+        """Layout of a message; ValueError if a signal is none that shifts and masks can read."""
+        message: Message = DATABASE.get_message_by_name(name)
+        if message.length != WORD_BYTES:
+            raise ValueError(f"{name} is {message.length} bytes long; a word holds {WORD_BYTES}")
+        for signal in message.signals:
+            _check_plain(name, signal)
+        fields = {s.name: (s.start, (1 << s.length) - 1) for s in message.signals}
+        return cls(name=name, frame_id=message.frame_id, fields=fields)
+
+    def unpack(self, words: Words) -> dict[str, Words]:
+        """Every signal of N messages: words of shape (N,) -> one uint64 array of shape (N,) per signal."""
+        return {
+            name: (words >> np.uint64(shift)) & np.uint64(mask) for name, (shift, mask) in self.fields.items()
+        }
+
+    def pack(self, **values: ArrayLike) -> Words:
+        """Words of shape (N,) from one array or number per signal; missing ones are 0, excess bits cut."""
+        unknown = values.keys() - self.fields.keys()
+        if unknown:
+            raise ValueError(f"{self.name} has no signal {sorted(unknown)}")
+        word = np.zeros(np.broadcast_shapes(*(np.shape(v) for v in values.values())), dtype=np.uint64)
+        for name, value in values.items():
+            shift, mask = self.fields[name]
+            word = word | ((np.asarray(value).astype(np.uint64) & np.uint64(mask)) << np.uint64(shift))
+        return np.atleast_1d(word)
+
+
+def _check_plain(name: str, signal: Signal) -> None:
+    plain = (
+        signal.byte_order == "little_endian"
+        and not signal.is_signed
+        and signal.scale == 1
+        and signal.offset == 0
+    )
+    if not plain or signal.start + signal.length > WORD_BYTES * 8:
+        raise ValueError(f"{name}.{signal.name} is not a plain little-endian unsigned integer")
+
+
+def _header_dtype() -> np.dtype[Any]:
+    message = DATABASE.get_message_by_name("BATCH")
+    for signal in message.signals:
+        if signal.start % 8 or signal.length not in (8, 16, 32, 64):
+            raise ValueError(f"BATCH.{signal.name} is not a whole integer on a byte boundary")
+    return np.dtype(
+        {
+            "names": [s.name for s in message.signals],
+            "formats": [f"<u{s.length // 8}" for s in message.signals],
+            "offsets": [s.start // 8 for s in message.signals],
+            "itemsize": message.length,
+        }
+    )
+
+
+HEADER = _header_dtype()
+
+COMMAND = MessageLayout.of("COMMAND")
+RESPONSE = MessageLayout.of("RESPONSE")
+PONG = MessageLayout.of("PONG")
+ACCEL = MessageLayout.of("ACCEL")
+ENCODER = MessageLayout.of("ENCODER")
+TIME = MessageLayout.of("TIME")
+EPOCH = MessageLayout.of("EPOCH")
+STATUS = tuple(
+    MessageLayout.of(m.name)
+    for m in sorted(DATABASE.messages, key=lambda m: m.frame_id)
+    if m.name.startswith("STATUS_")
+)
+
+OPCODE = choices("COMMAND", "opcode")
+ITEM = choices("COMMAND", "item")
+RESULT = choices("RESPONSE", "result")
+RESULT_NAME = {number: name for name, number in RESULT.items()}
+KIND = choices("BATCH", "kind")
+
+RECORD_BYTES = {
+    KIND["SAMPLES"]: 2 * WORD_BYTES,
+    KIND["STATUS"]: len(STATUS) * WORD_BYTES,
+    KIND["RESPONSE"]: WORD_BYTES,
+    KIND["PONG"]: WORD_BYTES,
+    KIND["COMMAND"]: WORD_BYTES,
+}

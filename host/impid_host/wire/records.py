@@ -1,0 +1,139 @@
+"""What comes out of the wire, whichever carrier brought it."""
+
+from dataclasses import dataclass, fields
+from itertools import groupby
+
+import numpy as np
+from numpy.typing import NDArray
+
+from impid_host.samples import DeviceSamples
+
+
+@dataclass(frozen=True, slots=True)
+class Segment:
+    """Samples of one uninterrupted run of one boot; samples may be missing inside, time is never spliced.
+
+    Attributes:
+        boot_id: which boot of the board.
+        run: counts the segments of a stream: a new boot or a new START opens the next.
+        index: sample index unwrapped to 64 bit, shape (N,); a step above 1 is a loss.
+        samples: the samples, shape (N,).
+    """
+
+    boot_id: int
+    run: int
+    index: NDArray[np.uint64]
+    samples: DeviceSamples
+
+    def __len__(self) -> int:
+        return len(self.samples)
+
+
+@dataclass(frozen=True, slots=True)
+class Response:
+    """Answer to a command; t_us is the board time of sending, next_index that of the next sample."""
+
+    boot_id: int
+    t_us: int
+    next_index: int
+    request_id: int
+    opcode: int
+    result: int
+    value: int
+
+
+@dataclass(frozen=True, slots=True)
+class Pong:
+    """Answer to a PING: t2 when it reached the board, t3 when the answer left, board time in us, 64 bit."""
+
+    boot_id: int
+    request_id: int
+    t2_us: int
+    t3_us: int
+
+
+@dataclass(frozen=True, slots=True)
+class BoardStatus:
+    """The board's own counters, all since boot except `produced` and `ring_lost` (since START).
+
+    The fields after next_index are the signals of the STATUS_* messages in their order. t_us is the board
+    time of sending, next_index the index of the next sample at that time.
+    """
+
+    boot_id: int
+    t_us: int
+    next_index: int
+    produced: int
+    ring_lost: int
+    frames_sent: int
+    frames_dropped: int
+    late: int
+    overruns: int
+    saturated: int
+    encoder_faults: int
+    accepted: int
+    rejected: int
+    state: int
+    reset_cause: int
+    clock_source: int
+    self_test: int
+    supply_mV: int  # noqa: N815  (the unit is part of the name in the message set)
+    worst_tick_us: int
+    bus_off: int
+    tx_errors: int
+    rx_errors: int
+    uptime_s: int
+
+
+@dataclass(frozen=True, slots=True)
+class Loss:
+    """`lost` samples are missing from index `first_index` (64 bit) on, within one run."""
+
+    boot_id: int
+    run: int
+    first_index: int
+    lost: int
+
+
+@dataclass(frozen=True, slots=True)
+class NewRun:
+    """The stream began anew at board time t_us: another boot, or another START of the same boot."""
+
+    boot_id: int
+    run: int
+    t_us: int
+    reboot: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Decoded:
+    """Everything that one piece of the stream contained."""
+
+    segments: tuple[Segment, ...] = ()
+    statuses: tuple[BoardStatus, ...] = ()
+    responses: tuple[Response, ...] = ()
+    pongs: tuple[Pong, ...] = ()
+    events: tuple[Loss | NewRun, ...] = ()
+
+
+def join_samples(parts: list[DeviceSamples]) -> DeviceSamples:
+    """Parts one after the other; at least one."""
+    return DeviceSamples(
+        **{f.name: np.concatenate([getattr(part, f.name) for part in parts]) for f in fields(DeviceSamples)}
+    )
+
+
+def join_segments(pieces: list[Segment]) -> tuple[Segment, ...]:
+    """Pieces of the same run, which follow each other, become one segment."""
+    joined = []
+    for run, group in groupby(pieces, key=lambda piece: piece.run):
+        parts = list(group)
+        joined.append(
+            Segment(
+                boot_id=parts[0].boot_id,
+                run=run,
+                index=np.concatenate([part.index for part in parts]),
+                samples=join_samples([part.samples for part in parts]),
+            )
+        )
+    return tuple(joined)
