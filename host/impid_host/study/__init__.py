@@ -1,1 +1,1 @@
-"""A measurement campaign on disk and in memory: the study folder, its trials, and importers of foreign logs."""
+"""A measurement campaign on disk and in memory: the study folder, its trials, importers of foreign logs."""

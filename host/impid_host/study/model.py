@@ -18,7 +18,7 @@ STANDARD_GRAVITY_M_S2 = 9.80665
 
 @dataclass(frozen=True, slots=True)
 class RobotSetup:
-    """The robot: which model, its link lengths (m), gravity in its plane (m/s^2), its URDF where it has one."""
+    """The robot: which model, its link lengths (m), gravity in its plane (m/s^2), its URDF if any."""
 
     model: RobotModelName
     link_lengths_m: tuple[float, ...] = ()

@@ -1,0 +1,190 @@
+"""`setup.toml`: the apparatus, as a file and as a `Setup`."""
+
+import math
+from pathlib import Path
+from typing import Annotated, Any, Literal, Self
+
+import tomli_w
+from pydantic import Field, model_validator
+
+from impid_host.errors import InputError
+from impid_host.study.model import (
+    AccelerometerSetup,
+    EncoderSetup,
+    RobotModelName,
+    RobotSetup,
+    Setup,
+)
+from impid_host.study.toml_file import Table, load_toml, validate
+
+FORMAT = "impid-study/1"
+
+Positive = Annotated[float, Field(gt=0)]
+Pair = Annotated[list[float], Field(min_length=2, max_length=2)]
+PositivePair = Annotated[list[Positive], Field(min_length=2, max_length=2)]
+
+
+class _Robot(Table):
+    model: RobotModelName
+    link_lengths_m: list[Positive] = Field(default_factory=list)
+    gravity_m_s2: Pair = Field(default_factory=lambda: [0.0, 0.0])
+    urdf: str | None = None
+
+    @model_validator(mode="after")
+    def _complete(self) -> Self:
+        if self.model.startswith("planar-2r") and len(self.link_lengths_m) != 2:
+            raise ValueError(f'model "{self.model}" needs link_lengths_m = [l1, l2]')
+        if self.model == "urdf" and not self.urdf:
+            raise ValueError('model "urdf" needs urdf = "robot.urdf"')
+        return self
+
+
+class _Encoder(Table):
+    counts_per_rev: Annotated[list[Positive], Field(min_length=1)]
+    zero_rad: list[float]
+    direction: list[Literal[1, -1]]
+
+    @model_validator(mode="after")
+    def _same_length(self) -> Self:
+        if not len(self.counts_per_rev) == len(self.zero_rad) == len(self.direction):
+            raise ValueError("counts_per_rev, zero_rad and direction need one entry per joint each")
+        return self
+
+
+class _Accelerometer(Table):
+    part: str = "ADXL203"
+    vref_V: Positive
+    full_scale_code: Annotated[int, Field(gt=0)]
+    zero_g_V: Pair
+    sensitivity_V_per_g: Pair
+    mount: Literal["link2", "fixed"] = "link2"
+    mount_angle_rad: float = 0.0
+
+    @model_validator(mode="after")
+    def _sensitive(self) -> Self:
+        if 0 in self.sensitivity_V_per_g:
+            raise ValueError("sensitivity_V_per_g must not be zero")
+        return self
+
+
+class _Handle(Table):
+    mass_kg: Annotated[float, Field(ge=0)]
+
+
+class _Prior(Table):
+    alpha: Annotated[list[float], Field(min_length=1)]
+
+
+class _SetupFile(Table):
+    format: str
+    robot: _Robot
+    encoder: _Encoder | None = None
+    accelerometer: _Accelerometer | None = None
+    handle: _Handle | None = None
+    prior: _Prior | None = None
+
+
+def read_setup(path: Path) -> Setup:
+    """Read `setup.toml`.
+
+    Raises:
+        InputError: the file is missing or a key of it is missing or wrong; names the key.
+    """
+    return setup_from_tables(load_toml(path), path)
+
+
+def setup_from_tables(tables: dict[str, Any], path: Path) -> Setup:
+    """The `Setup` that the tables of `path` describe; a URDF is looked for beside `path`.
+
+    Raises:
+        InputError: a key is missing or wrong, the format is another one, or the URDF does not exist.
+    """
+    written = tables.get("format")
+    if isinstance(written, str) and written != FORMAT:
+        remedy = f'this version reads format = "{FORMAT}"; convert the study or use another version of impid'
+        raise InputError(path, f'has format = "{written}"', remedy)
+    checked = validate(_SetupFile, tables, path)
+    robot = RobotSetup(
+        model=checked.robot.model,
+        link_lengths_m=tuple(checked.robot.link_lengths_m),
+        gravity_m_s2=(checked.robot.gravity_m_s2[0], checked.robot.gravity_m_s2[1]),
+        urdf=None if checked.robot.urdf is None else _existing_urdf(path, checked.robot.urdf),
+    )
+    return Setup(
+        robot=robot,
+        encoder=_encoder(checked.encoder),
+        accelerometer=_accelerometer(checked.accelerometer),
+        handle_mass_kg=0.0 if checked.handle is None else checked.handle.mass_kg,
+        prior_alpha=None if checked.prior is None else tuple(checked.prior.alpha),
+    )
+
+
+def _existing_urdf(setup_path: Path, named: str) -> Path:
+    if "\0" in named or not (setup_path.parent / named).is_file():
+        raise InputError(
+            setup_path, f"key `robot.urdf` names {named!r}, which does not exist", "put the file there"
+        )
+    return setup_path.parent / named
+
+
+def _encoder(table: _Encoder | None) -> EncoderSetup | None:
+    if table is None:
+        return None
+    return EncoderSetup(tuple(table.counts_per_rev), tuple(table.zero_rad), tuple(table.direction))
+
+
+def _accelerometer(table: _Accelerometer | None) -> AccelerometerSetup | None:
+    if table is None:
+        return None
+    return AccelerometerSetup(
+        part=table.part,
+        vref_V=table.vref_V,
+        full_scale_code=table.full_scale_code,
+        zero_g_V=(table.zero_g_V[0], table.zero_g_V[1]),
+        sensitivity_V_per_g=(table.sensitivity_V_per_g[0], table.sensitivity_V_per_g[1]),
+        mount=table.mount,
+        mount_angle_rad=table.mount_angle_rad,
+    )
+
+
+def setup_tables(setup: Setup) -> dict[str, Any]:
+    """The tables of `setup.toml` for a `Setup`; keys that keep their default are left out."""
+    robot: dict[str, Any] = {"model": setup.robot.model}
+    if setup.robot.link_lengths_m:
+        robot["link_lengths_m"] = list(setup.robot.link_lengths_m)
+    if any(component != 0.0 for component in setup.robot.gravity_m_s2):
+        robot["gravity_m_s2"] = list(setup.robot.gravity_m_s2)
+    if setup.robot.urdf is not None:
+        robot["urdf"] = setup.robot.urdf.name
+    tables: dict[str, Any] = {"format": FORMAT, "robot": robot}
+    if setup.encoder is not None:
+        tables["encoder"] = {
+            "counts_per_rev": list(setup.encoder.counts_per_rev),
+            "zero_rad": list(setup.encoder.zero_rad),
+            "direction": list(setup.encoder.direction),
+        }
+    if setup.accelerometer is not None:
+        sensor = setup.accelerometer
+        tables["accelerometer"] = {
+            "part": sensor.part,
+            "vref_V": sensor.vref_V,
+            "full_scale_code": sensor.full_scale_code,
+            "zero_g_V": list(sensor.zero_g_V),
+            "sensitivity_V_per_g": list(sensor.sensitivity_V_per_g),
+            "mount": sensor.mount,
+            "mount_angle_rad": sensor.mount_angle_rad,
+        }
+    if not math.isclose(setup.handle_mass_kg, 0.0, abs_tol=0.0):
+        tables["handle"] = {"mass_kg": setup.handle_mass_kg}
+    if setup.prior_alpha is not None:
+        tables["prior"] = {"alpha": list(setup.prior_alpha)}
+    return tables
+
+
+def write_setup(setup: Setup, path: Path) -> None:
+    """Write `setup.toml` at `path` (replacing it in one step), and the URDF beside it."""
+    if setup.robot.urdf is not None and not (path.parent / setup.robot.urdf.name).exists():
+        (path.parent / setup.robot.urdf.name).write_bytes(setup.robot.urdf.read_bytes())
+    draft = path.with_name(path.name + ".part")
+    draft.write_bytes(tomli_w.dumps(setup_tables(setup)).encode())
+    draft.replace(path)
