@@ -1,0 +1,43 @@
+"""Builds `hil_sim._native`: the firmware core, its native board, and the plant, as one extension.
+
+Run by setup.py through cffi. The declarations that Python sees are read from the C headers themselves, so
+there is no second copy of them to keep in step.
+"""
+
+import re
+import sys
+from pathlib import Path
+
+from cffi import FFI
+
+# The build runs in the root of the source tree, where setup.py is.
+INCLUDE_DIRS = ["firmware/core", "firmware/generated", "firmware/boards/native", "hil_sim/plant"]
+HEADERS = ["hil_sim/plant/plant.h"]
+if list(Path("firmware/boards/native").glob("*.c")):
+    HEADERS.insert(0, "firmware/boards/native/impid_board.h")
+WARNINGS = [] if sys.platform == "win32" else ["-O2", "-std=c11", "-Wall", "-Wextra", "-Wconversion"]
+
+
+def declarations(header: str) -> str:
+    """The declarations of a header as cffi reads them: without preprocessor lines and comments."""
+    text = re.sub(r"/\*.*?\*/", "", Path(header).read_text(encoding="utf-8"), flags=re.DOTALL)
+    return re.sub(r"^\s*#.*$", "", text, flags=re.MULTILINE)
+
+
+def sources() -> list[str]:
+    """Every C file of the extension, relative to the root of the source tree."""
+    found = [str(path) for folder in INCLUDE_DIRS for path in sorted(Path(folder).glob("*.c"))]
+    return [path.replace("\\", "/") for path in found]
+
+
+ffibuilder = FFI()
+for header in HEADERS:
+    ffibuilder.cdef(declarations(header))
+ffibuilder.set_source(
+    "hil_sim._native",
+    "".join(f'#include "{Path(header).name}"\n' for header in HEADERS),
+    sources=sources(),
+    include_dirs=INCLUDE_DIRS,
+    extra_compile_args=WARNINGS,
+    libraries=[] if sys.platform == "win32" else ["m"],
+)

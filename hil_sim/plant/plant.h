@@ -1,0 +1,77 @@
+/* The two-link robot, its joint controller and the load on its end-effector, in double precision.
+ *
+ * What it is for: the motion that the sensor board measures and that the robot's own log reports.
+ *
+ * Data flow: impid_plant_run() takes the reference of each controller tick and advances the world by
+ * IMPID_PLANT_SUBSTEPS Runge-Kutta steps per tick. At each tick the controller reads the encoders, which
+ * count in whole steps, and holds its torque until the next tick.
+ *
+ * Model, absolute angles q, [D] eqs. 1 and 11 to 13, with the sign of C's second row that energy demands:
+ *     I(q) q'' + C(q, q') q' + F_r(q') = tau + J' F_ext
+ *     F_ext = -(M x'' + B x' + K (x - x0)), the force of the load on the robot
+ * q'' is linear in both, so robot and load are solved as one 2 by 2 system.
+ *
+ * Ownership: the caller owns the plant and all arrays. No heap, no globals. Cannot fail: what makes a
+ * parameter meaningless is refused where the scenario is read.
+ */
+#ifndef IMPID_PLANT_H
+#define IMPID_PLANT_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#define IMPID_PLANT_SUBSTEPS 8u
+
+typedef struct {
+    double alpha[5];  /* I: [0], [1], [2] kg m^2; viscous friction: [3], [4] N m s/rad */
+    double length[2]; /* m */
+} impid_plant_robot;
+
+/* All zero: nothing on the end-effector. Matrices row by row. */
+typedef struct {
+    double M[4];  /* kg */
+    double B[4];  /* N s/m */
+    double K[4];  /* N/m */
+    double x0[2]; /* m, in the base frame */
+} impid_plant_load;
+
+typedef struct {
+    double counts_per_rad[2]; /* sign: direction of counting */
+    double zero_rad[2];       /* joint angle at count 0 */
+} impid_plant_encoder;
+
+typedef struct {
+    double kp[2];           /* N m/rad */
+    double kd[2];           /* N m s/rad */
+    double velocity_weight; /* weight of the newest difference in the velocity estimate, 0 to 1 */
+    double tick_s;          /* the controller's own idea of its period */
+} impid_plant_controller;
+
+typedef struct {
+    impid_plant_robot robot;
+    impid_plant_load load;
+    impid_plant_encoder encoder;
+    impid_plant_controller controller;
+    double step_s;      /* true length of one substep */
+    double q[2];        /* rad */
+    double w[2];        /* rad/s */
+    double velocity[2]; /* the controller's estimate, rad/s */
+    int32_t count[2];   /* what the encoders showed at the last tick */
+} impid_plant;
+
+/* Puts the robot at rest at q, with the controller at rest too. */
+void impid_plant_rest(impid_plant *plant, const double *q);
+
+/* One row per substep s, which lasts from grid point s to s + 1: q and w at its end, acceleration of the
+ * end-effector and force of the load on the robot as means over it (exact to the order of the
+ * integration, also where the torque steps). One row per tick: the counts that were read at the tick, and the torque
+ * that is held from then on.
+ *
+ * reference: ticks rows of q1, q2 (rad), w1, w2 (rad/s). */
+void impid_plant_run(impid_plant *plant, size_t ticks, const double *reference, double *q, double *w,
+                     double *acceleration, double *force, int32_t *count, double *torque);
+
+/* The kinetic energy of the robot and the mass on it, plus the energy of the springs, J. */
+double impid_plant_energy(const impid_plant *plant);
+
+#endif
