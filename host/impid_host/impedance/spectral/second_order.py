@@ -1,0 +1,223 @@
+"""The second-order model (M, B, K) behind a measured impedance.
+
+Source: [P] appendix, eqs. A.1 and A.2: nonlinear least squares on the differences in gain (dB, times ten) and
+phase (deg), each weighted by the partial coherence. Where the paper says "partial coherence function" it
+means gamma^2, as everywhere else in it.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.optimize
+
+from impid_host.errors import UndeterminedError
+from impid_host.impedance.spectral.arrays import Complexes, Floats
+
+GAIN_WEIGHT = 10.0
+DB_PER_NEPER = 20.0 / np.log(10.0)
+DEG_PER_RAD = 180.0 / np.pi
+# Elements this far below the largest one are zero to rounding and carry neither gain nor phase.
+NEGLIGIBLE_GAIN = 1e-12
+
+
+@dataclass(frozen=True, slots=True)
+class SecondOrderFit:
+    """M (kg), B (N s/m), K (N/m), each (n, n), with standard deviations of the same shape and unit.
+
+    Attributes:
+        covariance: of the vector (M, B, K), each matrix row by row, shape (3 n^2, 3 n^2); None when no
+            covariance of the impedance was given, and the standard deviations are then NaN.
+        cost: psi_z of [P] eq. A.1 at the solution, summed over the elements.
+        band_Hz: lowest and highest frequency that entered.
+    """
+
+    M: Floats
+    B: Floats
+    K: Floats
+    M_sd: Floats
+    B_sd: Floats
+    K_sd: Floats
+    covariance: Floats | None
+    cost: float
+    band_Hz: tuple[float, float]
+
+    def impedance(self, frequency_Hz: Floats) -> Complexes:
+        """Z = j w M + B + K / (j w), N s/m, shape (n_f, n, n)."""
+        return second_order_impedance(frequency_Hz, self.M, self.B, self.K)
+
+    def __str__(self) -> str:
+        lines = [f"second-order fit, {self.band_Hz[0]:.2f} to {self.band_Hz[1]:.2f} Hz (value ± 95 % interval)"]
+        for name, unit, value, sd in (
+            ("M", "kg", self.M, self.M_sd),
+            ("B", "N s/m", self.B, self.B_sd),
+            ("K", "N/m", self.K, self.K_sd),
+        ):
+            for i, row in enumerate(value):
+                cells = "  ".join(f"{v:10.4g} ± {1.96 * s:<8.2g}" for v, s in zip(row, sd[i], strict=True))
+                lines.append(f"  {name if i == 0 else ' '} {cells} {unit if i == 0 else ''}".rstrip())
+        return "\n".join(lines)
+
+
+def second_order_impedance(frequency_Hz: Floats, M: Floats, B: Floats, K: Floats) -> Complexes:
+    """Z = j w M + B + K / (j w) from velocity (m/s) to force (N), shape (n_f, n, n); w must be positive."""
+    jw = 2j * np.pi * frequency_Hz[:, np.newaxis, np.newaxis]
+    return np.asarray(jw * M + B + K / jw)
+
+
+def gain_and_phase(Z: Complexes, floor: float) -> tuple[Floats, Floats]:
+    """Gain in dB (never below `floor`, an absolute gain) and phase in degrees, both shaped like Z."""
+    return 20.0 * np.log10(np.maximum(np.abs(Z), floor)), np.angle(Z, deg=True)
+
+
+def weighted_differences(Z_e: Complexes, Z_m: Complexes, gamma2: Floats) -> tuple[Floats, Floats]:
+    """[P] eq. A.2: 10 gamma^2 times the gain difference (dB), gamma^2 times the phase difference (deg).
+
+    The phase difference is taken the short way round the circle: -179 and +179 deg lie 2 deg apart.
+
+    Args:
+        Z_e: estimated impedance, shape (n_f, n, n).
+        Z_m: modelled impedance, same shape.
+        gamma2: partial coherence of the estimate, same shape.
+    """
+    floor = negligible_gain(Z_e)
+    gain_e, _ = gain_and_phase(Z_e, floor)
+    gain_m, _ = gain_and_phase(Z_m, floor)
+    phase = np.angle(Z_e * np.conj(Z_m), deg=True)
+    return GAIN_WEIGHT * gamma2 * (gain_e - gain_m), gamma2 * phase
+
+
+def negligible_gain(Z: Complexes) -> float:
+    """The absolute gain below which an element of Z is rounding noise."""
+    return NEGLIGIBLE_GAIN * float(np.max(np.abs(Z)))
+
+
+def fit_second_order(
+    frequency_Hz: Floats,
+    Z: Complexes,
+    gamma2: Floats,
+    *,
+    error_factor: Complexes | None = None,
+    error_correlation: Floats | None = None,
+) -> SecondOrderFit:
+    """Fit M, B and K, each a full n x n matrix, to an impedance estimate.
+
+    Args:
+        frequency_Hz: positive frequencies, shape (n_f,).
+        Z: impedance estimate (N s/m), shape (n_f, n, n); n = 1 for a single joint.
+        gamma2: partial coherence of each element, shape (n_f, n, n).
+        error_factor: square root of the covariance of Z, from `impedance_error_factor`: the error of Z_ij is
+            sum over a, b of error_factor[f, i, j, a, b] z_ab with z circular of unit power;
+            shape (n_f, n, n, n, n). Without it no intervals are given.
+        error_correlation: correlation of those errors between frequencies, shape (n_f, n_f); default none.
+
+    Raises:
+        UndeterminedError: fewer frequencies with coherent data than the model has unknowns.
+    """
+    n = Z.shape[1]
+    usable = (gamma2 > 0) & (np.abs(Z) > negligible_gain(Z))
+    if np.min(np.sum(np.any(usable, axis=2), axis=0)) < 3:
+        raise UndeterminedError(
+            "fewer than three frequencies with coherent data: M, B and K cannot be told apart; "
+            "widen the band, record longer or shake harder"
+        )
+    weight = np.where(usable, gamma2, 0.0)
+    start = _linear_start(frequency_Hz, Z, weight)
+
+    def residual(parameters: Floats) -> Floats:
+        gain, phase = weighted_differences(Z, _model(frequency_Hz, parameters, n), weight)
+        return np.concatenate([gain.ravel(), phase.ravel()])
+
+    def jacobian(parameters: Floats) -> Floats:
+        return _jacobian(frequency_Hz, parameters, weight)
+
+    scale = _natural_scale(frequency_Hz, Z, n)
+    solution = scipy.optimize.least_squares(
+        residual, start, jac=jacobian, x_scale=scale, method="trf", xtol=1e-14, ftol=1e-14, gtol=1e-14
+    )
+    covariance = None
+    sd = np.full(3 * n * n, np.nan)
+    if error_factor is not None:
+        correlation = np.eye(len(frequency_Hz)) if error_correlation is None else error_correlation
+        covariance = _sandwich(np.asarray(solution.jac), Z, weight, error_factor, correlation)
+        sd = np.sqrt(np.diag(covariance))
+    M, B, K = solution.x.reshape(3, n, n)
+    M_sd, B_sd, K_sd = sd.reshape(3, n, n)
+    return SecondOrderFit(
+        M, B, K, M_sd, B_sd, K_sd, covariance, 2.0 * float(solution.cost), (frequency_Hz[0], frequency_Hz[-1])
+    )
+
+
+def impedance_error_factor(frequency_Hz: Floats, Z: Complexes, left: Complexes, right: Complexes) -> Complexes:
+    """Carry the error of C over to Z = (j w C)^-1: dZ = -Z (j w dC) Z, with dC = left z right.
+
+    Args:
+        frequency_Hz: shape (n_f,).
+        Z: shape (n_f, n, n).
+        left: square root of the residual's spectrum, shape (n_f, n, n).
+        right: square root of the instrument's inverse spectrum over the averages, shape (n_f, n, n).
+
+    Returns:
+        Shape (n_f, n, n, n, n), for `fit_second_order`.
+    """
+    jw = 2j * np.pi * frequency_Hz[:, np.newaxis, np.newaxis]
+    return np.asarray(-np.einsum("fia,fbj->fijab", jw * Z @ left, right @ Z))
+
+
+def _model(frequency_Hz: Floats, parameters: Floats, n: int) -> Complexes:
+    M, B, K = parameters.reshape(3, n, n)
+    return second_order_impedance(frequency_Hz, M, B, K)
+
+
+def _linear_start(frequency_Hz: Floats, Z: Complexes, weight: Floats) -> Floats:
+    """Least squares on Z itself, relative to its size: linear in the parameters, so it needs no start."""
+    n = Z.shape[1]
+    omega = 2 * np.pi * frequency_Hz
+    start = np.zeros((3, n, n))
+    for i in range(n):
+        for j in range(n):
+            size = np.abs(Z[:, i, j])
+            w = np.divide(weight[:, i, j], size, out=np.zeros_like(size), where=size > 0)
+            reactive = np.stack([w * omega, -w / omega], axis=1)
+            start[[0, 2], i, j] = np.linalg.lstsq(reactive, w * Z[:, i, j].imag, rcond=None)[0]
+            start[1, i, j] = np.sum(w**2 * Z[:, i, j].real) / max(float(np.sum(w**2)), np.finfo(float).tiny)
+    return start.ravel()
+
+
+def _natural_scale(frequency_Hz: Floats, Z: Complexes, n: int) -> Floats:
+    """Sizes that M, B and K have if each alone made up the impedance at the band's middle."""
+    omega = 2 * np.pi * float(np.sqrt(frequency_Hz[0] * frequency_Hz[-1]))
+    size = float(np.median(np.abs(Z))) + negligible_gain(Z)
+    return np.repeat([size / omega, size, size * omega], n * n)
+
+
+def _log_derivative(frequency_Hz: Floats, Z_m: Complexes) -> Complexes:
+    """d ln Z_ij / d (M_ij, B_ij, K_ij), shape (3, n_f, n, n)."""
+    jw = 2j * np.pi * frequency_Hz[:, np.newaxis, np.newaxis]
+    basis = np.stack([jw * np.ones_like(Z_m), np.ones_like(Z_m), np.ones_like(Z_m) / jw])
+    return np.divide(basis, Z_m, out=np.zeros_like(basis), where=np.abs(Z_m) > negligible_gain(Z_m))
+
+
+def _jacobian(frequency_Hz: Floats, parameters: Floats, weight: Floats) -> Floats:
+    """d residual / d (M, B, K): an element of Z depends on its own three parameters only."""
+    n_f, n, _ = weight.shape
+    slope = _log_derivative(frequency_Hz, _model(frequency_Hz, parameters, n))
+    jacobian = np.zeros((2, n_f, n, n, 3, n, n))
+    for i in range(n):
+        for j in range(n):
+            jacobian[0, :, i, j, :, i, j] = -GAIN_WEIGHT * DB_PER_NEPER * (weight[:, i, j] * slope[:, :, i, j].real).T
+            jacobian[1, :, i, j, :, i, j] = -DEG_PER_RAD * (weight[:, i, j] * slope[:, :, i, j].imag).T
+    return jacobian.reshape(2 * n_f * n * n, 3 * n * n)
+
+
+def _sandwich(
+    jacobian: Floats, Z: Complexes, weight: Floats, error_factor: Complexes, correlation: Floats
+) -> Floats:
+    """Covariance of the fit from the covariance of Z; the weights are the paper's, not inverse variances."""
+    n_f, n, _ = Z.shape
+    influence = np.linalg.pinv(jacobian).reshape(3 * n * n, 2, n_f, n, n)
+    relative = np.divide(1.0, Z, out=np.zeros_like(Z), where=weight > 0)[:, :, :, np.newaxis, np.newaxis] * error_factor
+    # parameter error = -Re sum_f (g - j p) . u_f, u = dZ / Z, whose real part moves gain and imaginary part phase
+    gain = influence[:, 0] * GAIN_WEIGHT * DB_PER_NEPER * weight
+    phase = influence[:, 1] * DEG_PER_RAD * weight
+    a = np.einsum("pfij,fijab->pfab", gain - 1j * phase, relative).reshape(3 * n * n, n_f, n * n)
+    return np.asarray(0.5 * np.einsum("pfc,fg,qgc->pq", np.conj(a), correlation, a, optimize=True).real)

@@ -1,0 +1,78 @@
+"""Terms that a user may add to a robot model by name (`fit --with NAME`): one row of the table each."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from impid_host.errors import UndeterminedError
+from impid_host.robot.model import RobotModel
+from impid_host.signals.arrays import Floats
+
+JointColumn = Callable[[Floats, Floats, Floats], Floats]
+
+
+@dataclass(frozen=True, slots=True)
+class Term:
+    """A torque added on each joint: `parameter * column(theta, omega, theta_dd)`, elementwise (N, n) -> (N, n)."""
+
+    name: str
+    parameter: str
+    unit: str
+    column: JointColumn
+
+
+TERMS: dict[str, Term] = {
+    term.name: term
+    for term in (
+        Term("friction.coulomb", "Fc", "N*m", lambda _theta, omega, _acc: np.sign(omega)),
+        Term("actuator.offset", "offset", "N*m", lambda _theta, omega, _acc: np.ones_like(omega)),
+        Term("friction.quadratic", "Fq", "N*m*s^2/rad^2", lambda _theta, omega, _acc: omega * np.abs(omega)),
+        Term("elastic.joint", "k", "N*m/rad", lambda theta, _omega, _acc: theta),
+    )
+}
+
+
+@dataclass(frozen=True, slots=True)
+class RobotStructure:
+    """A robot model and the optional terms beside it: what a regression of the torque is built from."""
+
+    model: RobotModel
+    terms: tuple[Term, ...] = ()
+
+    @property
+    def parameter_names(self) -> tuple[str, ...]:
+        """The model's parameters, then each term's, one per joint."""
+        return self.model.parameter_names + tuple(
+            f"{term.parameter}{joint + 1}" if self.model.joints > 1 else term.parameter
+            for term in self.terms
+            for joint in range(self.model.joints)
+        )
+
+    @property
+    def parameter_units(self) -> tuple[str, ...]:
+        """Units in the order of the names; on a prismatic axis N and m stand for N m and rad."""
+        prismatic = self.model.name == "slide-1d"
+        units = (term.unit for term in self.terms for _ in range(self.model.joints))
+        own = tuple(unit.replace("N*m", "N").replace("rad", "m") if prismatic else unit for unit in units)
+        return self.model.parameter_units + own
+
+    def regressor(self, theta: Floats, omega: Floats, theta_dd: Floats) -> Floats:
+        """Y with tau = Y @ parameters in free motion: (N, n) three times -> (N, n, p + n * terms)."""
+        blocks = [self.model.regressor(theta, omega, theta_dd)]
+        for term in self.terms:
+            column = term.column(theta, omega, theta_dd)
+            blocks.append(column[:, :, None] * np.eye(self.model.joints))
+        return np.concatenate(blocks, axis=2)
+
+
+def robot_structure(model: RobotModel, names: tuple[str, ...] = ()) -> RobotStructure:
+    """The model with the named optional terms.
+
+    Raises:
+        UndeterminedError: a name that is not in the table.
+    """
+    unknown = [name for name in names if name not in TERMS]
+    if unknown:
+        raise UndeterminedError(f"no term called {unknown[0]!r}; there are {', '.join(TERMS)}")
+    return RobotStructure(model, tuple(TERMS[name] for name in names))
