@@ -28,16 +28,21 @@
 
 #define IMPID_ADC_PER_TICK 8u
 
+/* What may wait for *_take(): over three minutes of streaming. When full, the line takes no more and the
+ * board counts what it drops, as with a cable that nobody reads. */
+#define IMPID_BOARD_SERIAL_CAPACITY (4u * 1024u * 1024u)
+#define IMPID_BOARD_CAN_CAPACITY    (384u * 1024u)
+
 typedef struct impid_board impid_board;
 
 typedef struct {
     uint32_t uid[3];
     uint16_t boot_id;
-    uint8_t reset_cause;         /* as in the message set: STATUS_HEALTH.reset_cause */
-    uint32_t first_index;        /* index of the first sample after START: tests of the wrap set it near 2^32 */
-    uint64_t start_us;           /* board time of tick 0: tests of the wrap set it near 2^32 */
+    uint8_t reset_cause;  /* as in the message set: STATUS_HEALTH.reset_cause */
+    uint32_t first_index; /* index of the first sample after START: tests of the wrap set it near 2^32 */
+    uint64_t start_us;    /* board time of tick 0: tests of the wrap set it near 2^32 */
     uint32_t serial_bytes_per_ms; /* what the serial line carries (92 at 921600 baud); 0: no limit */
-    uint32_t can_frames_per_ms;  /* what the bus carries; 0: no limit */
+    uint32_t can_frames_per_ms;   /* what the bus carries; 0: no limit */
 } impid_board_config;
 
 typedef struct {
@@ -52,9 +57,9 @@ void impid_board_free(impid_board *board);
 /* adc: ticks * 8 * 2 codes of 12 bits, x then y; encoder: ticks * 2 counts; faults: ticks bytes of
  * IMPID_BOARD_* bits, or NULL. */
 #define IMPID_BOARD_ENCODER_FAULT 0x01u /* the counter reports a lost line in this tick */
-#define IMPID_BOARD_SYNC_EDGE 0x02u     /* an edge on the sync input within this tick */
-#define IMPID_BOARD_LATE 0x04u          /* the tick's interrupt was served more than one period late */
-#define IMPID_BOARD_STALLED 0x08u       /* the main loop does not run in this tick */
+#define IMPID_BOARD_SYNC_EDGE     0x02u /* an edge on the sync input within this tick */
+#define IMPID_BOARD_LATE          0x04u /* the tick's interrupt was served more than one period late */
+#define IMPID_BOARD_STALLED       0x08u /* the main loop does not run in this tick */
 void impid_board_run(impid_board *board, size_t ticks, const uint16_t *adc, const int32_t *encoder,
                      const uint8_t *faults);
 

@@ -1,0 +1,221 @@
+#include "impid_board.h"
+
+#include "impid_core.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+/* The transmit queues of the port, as a board has them: with a line of finite speed, what does not fit is
+ * refused and the core counts it. */
+#define SERIAL_QUEUE 1024u
+#define CAN_QUEUE    64u
+
+#define VREF_MV 3300u
+
+struct impid_board {
+    impid_core_t core;
+    impid_port_t port;
+    impid_board_config config;
+    uint64_t now_us;
+    uint64_t next_tick_us;
+    bool self_test_pin;
+    bool reset_requested;
+    bool bus_is_off;
+    uint16_t bus_off;
+    /* Bytes and frames: those up to `left` have passed the line and may be taken, the rest is queued. */
+    size_t serial_used;
+    size_t serial_left;
+    size_t can_used;
+    size_t can_left;
+    uint8_t serial[IMPID_BOARD_SERIAL_CAPACITY];
+    impid_board_can_frame can[IMPID_BOARD_CAN_CAPACITY];
+};
+
+static uint32_t port_now_us(void *context) {
+    const impid_board *board = context;
+    return (uint32_t)board->now_us;
+}
+
+static bool port_serial_send(void *context, const uint8_t *bytes, size_t count) {
+    impid_board *board = context;
+    bool limited = board->config.serial_bytes_per_ms > 0u;
+    size_t queued = board->serial_used - board->serial_left;
+    if (count > sizeof board->serial - board->serial_used || (limited && queued + count > SERIAL_QUEUE)) {
+        return false;
+    }
+    memcpy(&board->serial[board->serial_used], bytes, count);
+    board->serial_used += count;
+    if (!limited) {
+        board->serial_left = board->serial_used;
+    }
+    return true;
+}
+
+static bool port_can_send(void *context, const impid_can_frame_t *frame) {
+    impid_board *board = context;
+    bool limited = board->config.can_frames_per_ms > 0u;
+    size_t queued = board->can_used - board->can_left;
+    if (board->bus_is_off || board->can_used == IMPID_BOARD_CAN_CAPACITY ||
+        (limited && queued >= CAN_QUEUE)) {
+        return false;
+    }
+    impid_board_can_frame *slot = &board->can[board->can_used++];
+    slot->id = frame->id;
+    slot->dlc = frame->dlc;
+    memcpy(slot->data, frame->data, sizeof slot->data);
+    if (!limited) {
+        board->can_left = board->can_used;
+    }
+    return true;
+}
+
+static uint32_t port_backlog_us(void *context, impid_carrier_t carrier) {
+    const impid_board *board = context;
+    bool serial = carrier == IMPID_CARRIER_SERIAL;
+    uint32_t per_ms = serial ? board->config.serial_bytes_per_ms : board->config.can_frames_per_ms;
+    size_t queued = serial ? board->serial_used - board->serial_left : board->can_used - board->can_left;
+    return per_ms == 0u ? 0u : (uint32_t)(queued * 1000u / per_ms);
+}
+
+static void port_self_test_pin(void *context, bool drive) {
+    impid_board *board = context;
+    board->self_test_pin = drive;
+}
+
+static impid_port_health_t port_health(void *context) {
+    const impid_board *board = context;
+    return (impid_port_health_t){.bus_off = board->bus_off, .supply_mV = VREF_MV};
+}
+
+static void port_request_reset(void *context) {
+    impid_board *board = context;
+    board->reset_requested = true;
+}
+
+impid_board *impid_board_new(const impid_board_config *config) {
+    impid_board *board = calloc(1, sizeof *board);
+    if (board == NULL) {
+        return NULL;
+    }
+    board->config = *config;
+    board->now_us = config->start_us;
+    board->next_tick_us = config->start_us;
+    board->port = (impid_port_t){.context = board,
+                                 .now_us = port_now_us,
+                                 .serial_send = port_serial_send,
+                                 .can_send = port_can_send,
+                                 .backlog_us = port_backlog_us,
+                                 .self_test_pin = port_self_test_pin,
+                                 .health = port_health,
+                                 .request_reset = port_request_reset};
+    impid_core_config_t core_config = {.uid = {config->uid[0], config->uid[1], config->uid[2]},
+                                       .boot_id = config->boot_id,
+                                       .reset_cause = config->reset_cause,
+                                       .clock_source =
+                                           IMPID_MESSAGES_STATUS_HEALTH_CLOCK_SOURCE_NATIVE_CHOICE,
+                                       .vref_mV = VREF_MV,
+                                       .first_index = config->first_index,
+                                       .boot_us = config->start_us};
+    impid_core_init(&board->core, &core_config, &board->port);
+    return board;
+}
+
+void impid_board_free(impid_board *board) {
+    free(board);
+}
+
+/* One millisecond of the line: what it can carry leaves the queue. */
+static void advance_lines(impid_board *board) {
+    size_t bytes = board->serial_used - board->serial_left;
+    if (board->config.serial_bytes_per_ms > 0u && bytes > board->config.serial_bytes_per_ms) {
+        bytes = board->config.serial_bytes_per_ms;
+    }
+    board->serial_left += bytes;
+    size_t frames = board->can_used - board->can_left;
+    if (board->config.can_frames_per_ms > 0u && frames > board->config.can_frames_per_ms) {
+        frames = board->config.can_frames_per_ms;
+    }
+    board->can_left += frames;
+}
+
+static uint8_t tick_flags(uint8_t faults) {
+    return (uint8_t)(((faults & IMPID_BOARD_ENCODER_FAULT) ? IMPID_FLAG_ENCODER_FAULT : 0u) |
+                     ((faults & IMPID_BOARD_SYNC_EDGE) ? IMPID_FLAG_SYNC_EDGE : 0u) |
+                     ((faults & IMPID_BOARD_LATE) ? IMPID_FLAG_LATE : 0u));
+}
+
+void impid_board_run(impid_board *board, size_t ticks, const uint16_t *adc, const int32_t *encoder,
+                     const uint8_t *faults) {
+    for (size_t i = 0; i < ticks; i++) {
+        uint8_t fault = faults == NULL ? 0u : faults[i];
+        impid_tick_t tick = {.adc = &adc[i * IMPID_ADC_PER_TICK * 2u],
+                             .encoder = {(uint32_t)encoder[2u * i], (uint32_t)encoder[2u * i + 1u]},
+                             .t_us = (uint32_t)board->next_tick_us,
+                             .flags = tick_flags(fault)};
+        if (board->now_us < board->next_tick_us) {
+            board->now_us = board->next_tick_us;
+        }
+        board->next_tick_us += IMPID_PERIOD_US;
+        advance_lines(board);
+        impid_core_tick(&board->core, &tick);
+        if (!(fault & IMPID_BOARD_STALLED)) {
+            board->bus_is_off = false;
+            impid_core_poll(&board->core);
+        }
+    }
+}
+
+uint64_t impid_board_now_us(const impid_board *board) {
+    return board->now_us;
+}
+
+static void advance_clock(impid_board *board, uint64_t t_us) {
+    if (board->now_us < t_us) {
+        board->now_us = t_us;
+    }
+}
+
+void impid_board_serial_receive(impid_board *board, const uint8_t *bytes, size_t count, uint64_t t_us) {
+    advance_clock(board, t_us);
+    impid_core_serial_receive(&board->core, bytes, count, (uint32_t)t_us);
+}
+
+void impid_board_can_receive(impid_board *board, const impid_board_can_frame *frame, uint64_t t_us) {
+    advance_clock(board, t_us);
+    impid_can_frame_t received = {.id = frame->id, .dlc = frame->dlc};
+    memcpy(received.data, frame->data, sizeof received.data);
+    impid_core_can_receive(&board->core, &received, (uint32_t)t_us);
+}
+
+size_t impid_board_serial_take(impid_board *board, uint8_t *out, size_t capacity) {
+    size_t count = board->serial_left < capacity ? board->serial_left : capacity;
+    memcpy(out, board->serial, count);
+    memmove(board->serial, &board->serial[count], board->serial_used - count);
+    board->serial_used -= count;
+    board->serial_left -= count;
+    return count;
+}
+
+size_t impid_board_can_take(impid_board *board, impid_board_can_frame *out, size_t capacity) {
+    size_t count = board->can_left < capacity ? board->can_left : capacity;
+    memcpy(out, board->can, count * sizeof *out);
+    memmove(board->can, &board->can[count], (board->can_used - count) * sizeof *out);
+    board->can_used -= count;
+    board->can_left -= count;
+    return count;
+}
+
+void impid_board_can_bus_off(impid_board *board) {
+    board->bus_off++;
+    board->bus_is_off = true;
+    /* The controller aborts what waits in its mailboxes; those frames never reached the bus. */
+    board->can_used = board->can_left;
+}
+
+int impid_board_self_test_pin(const impid_board *board) {
+    return board->self_test_pin;
+}
+
+int impid_board_reset_requested(const impid_board *board) {
+    return board->reset_requested;
+}

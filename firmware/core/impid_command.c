@@ -1,0 +1,164 @@
+#include "impid_command.h"
+
+typedef struct {
+    uint8_t result;
+    uint32_t value;
+} answer_t;
+
+static answer_t ok(uint32_t value) {
+    return (answer_t){IMPID_MESSAGES_RESPONSE_RESULT_OK_CHOICE, value};
+}
+
+static answer_t refused(uint8_t result) {
+    return (answer_t){result, 0u};
+}
+
+static answer_t info(const impid_core_t *core, uint8_t item) {
+    const impid_core_config_t *config = &core->config;
+    switch (item) {
+    case IMPID_MESSAGES_COMMAND_ITEM_PROTOCOL_VERSION_CHOICE:
+        return ok(IMPID_PROTOCOL_VERSION);
+    case IMPID_MESSAGES_COMMAND_ITEM_FIRMWARE_VERSION_CHOICE:
+        return ok(IMPID_FIRMWARE_VERSION);
+    case IMPID_MESSAGES_COMMAND_ITEM_UID_0_CHOICE:
+        return ok(config->uid[0]);
+    case IMPID_MESSAGES_COMMAND_ITEM_UID_1_CHOICE:
+        return ok(config->uid[1]);
+    case IMPID_MESSAGES_COMMAND_ITEM_UID_2_CHOICE:
+        return ok(config->uid[2]);
+    case IMPID_MESSAGES_COMMAND_ITEM_BOOT_ID_CHOICE:
+        return ok(config->boot_id);
+    case IMPID_MESSAGES_COMMAND_ITEM_SAMPLE_RATE_HZ_CHOICE:
+        return ok(IMPID_SAMPLE_RATE_HZ);
+    case IMPID_MESSAGES_COMMAND_ITEM_GROUP_DELAY_US_CHOICE:
+        return ok(IMPID_GROUP_DELAY_US);
+    case IMPID_MESSAGES_COMMAND_ITEM_FULL_SCALE_CODE_CHOICE:
+        return ok(IMPID_FULL_SCALE_CODE);
+    case IMPID_MESSAGES_COMMAND_ITEM_VREF_MV_CHOICE:
+        return ok(config->vref_mV);
+    case IMPID_MESSAGES_COMMAND_ITEM_BATCH_SAMPLES_CHOICE:
+        return ok(IMPID_BATCH_SAMPLES);
+    case IMPID_MESSAGES_COMMAND_ITEM_OVERSAMPLING_CHOICE:
+        return ok(IMPID_OVERSAMPLING);
+    case IMPID_MESSAGES_COMMAND_ITEM_RESET_CAUSE_CHOICE:
+        return ok(config->reset_cause);
+    case IMPID_MESSAGES_COMMAND_ITEM_CLOCK_SOURCE_CHOICE:
+        return ok(config->clock_source);
+    case IMPID_MESSAGES_COMMAND_ITEM_SELF_TEST_X_MV_CHOICE:
+        return ok((uint32_t)core->selftest.response_mV[0]);
+    case IMPID_MESSAGES_COMMAND_ITEM_SELF_TEST_Y_MV_CHOICE:
+        return ok((uint32_t)core->selftest.response_mV[1]);
+    default:
+        return refused(IMPID_MESSAGES_RESPONSE_RESULT_BAD_ITEM_CHOICE);
+    }
+}
+
+static answer_t start(impid_core_t *core, impid_carrier_t carrier, uint32_t value) {
+    if (value != 0u) {
+        return refused(IMPID_MESSAGES_RESPONSE_RESULT_BAD_VALUE_CHOICE);
+    }
+    if (impid_selftest_running(&core->selftest)) {
+        return refused(IMPID_MESSAGES_RESPONSE_RESULT_BUSY_CHOICE);
+    }
+    if (!impid_stream_active(&core->stream)) {
+        impid_stream_begin(&core->stream, core->config.first_index);
+        impid_sampler_start(&core->sampler, core->config.first_index);
+    }
+    impid_stream_join(&core->stream, carrier);
+    return ok(core->stream.next_index);
+}
+
+static answer_t stop(impid_core_t *core, impid_carrier_t carrier) {
+    bool was_active = impid_stream_active(&core->stream);
+    bool last = was_active &&
+                !core->stream.on[carrier == IMPID_CARRIER_SERIAL ? IMPID_CARRIER_CAN : IMPID_CARRIER_SERIAL];
+    if (last) {
+        impid_sampler_stop(&core->sampler);
+    }
+    if (was_active) {
+        /* What was sampled before the command arrives before its answer. */
+        impid_core_drain(core);
+        impid_stream_leave(&core->stream, carrier, core->links, core->port);
+    }
+    return ok(core->sampler.produced);
+}
+
+static answer_t self_test(impid_core_t *core) {
+    if (impid_stream_active(&core->stream) || impid_selftest_running(&core->selftest)) {
+        return refused(IMPID_MESSAGES_RESPONSE_RESULT_BUSY_CHOICE);
+    }
+    impid_selftest_begin(&core->selftest);
+    impid_sampler_start(&core->sampler, core->config.first_index);
+    return ok(0u);
+}
+
+static answer_t act(impid_core_t *core, impid_carrier_t carrier,
+                    const struct impid_messages_command_t *command) {
+    switch (command->opcode) {
+    case IMPID_MESSAGES_COMMAND_OPCODE_INFO_CHOICE:
+        return info(core, command->item);
+    case IMPID_MESSAGES_COMMAND_OPCODE_START_CHOICE:
+        return start(core, carrier, command->value);
+    case IMPID_MESSAGES_COMMAND_OPCODE_STOP_CHOICE:
+        return stop(core, carrier);
+    case IMPID_MESSAGES_COMMAND_OPCODE_SELF_TEST_CHOICE:
+        return self_test(core);
+    case IMPID_MESSAGES_COMMAND_OPCODE_STATUS_CHOICE:
+    case IMPID_MESSAGES_COMMAND_OPCODE_RESET_CHOICE:
+        return ok(0u); /* acted on once the answer is out */
+    default:
+        return refused(IMPID_MESSAGES_RESPONSE_RESULT_UNKNOWN_OPCODE_CHOICE);
+    }
+}
+
+static void respond(impid_core_t *core, impid_carrier_t carrier,
+                    const struct impid_messages_response_t *response) {
+    uint8_t record[IMPID_MESSAGES_RESPONSE_LENGTH];
+    (void)impid_messages_response_pack(record, response, sizeof record);
+    impid_core_send_record(core, carrier, IMPID_MESSAGES_BATCH_KIND_RESPONSE_CHOICE, record);
+}
+
+static void pong(impid_core_t *core, impid_carrier_t carrier, uint16_t request_id, uint32_t t_us) {
+    const impid_port_t *port = core->port;
+    /* The answer leaves after what is already under way on the carrier: that wait belongs to the hold,
+     * not to the line, or half of it would appear as an error of the clock. */
+    uint32_t hold = port->now_us(port->context) - t_us + port->backlog_us(port->context, carrier);
+    struct impid_messages_pong_t answer = {
+        .request_id = request_id, .hold_us = hold < UINT16_MAX ? (uint16_t)hold : UINT16_MAX, .t2_us = t_us};
+    uint8_t record[IMPID_MESSAGES_PONG_LENGTH];
+    (void)impid_messages_pong_pack(record, &answer, sizeof record);
+    impid_core_send_record(core, carrier, IMPID_MESSAGES_BATCH_KIND_PONG_CHOICE, record);
+}
+
+void impid_command_execute(impid_core_t *core, impid_carrier_t carrier,
+                           const struct impid_messages_command_t *command, uint32_t t_us) {
+    if (command->opcode == IMPID_MESSAGES_COMMAND_OPCODE_PING_CHOICE) {
+        core->accepted++;
+        pong(core, carrier, command->request_id, t_us);
+        return;
+    }
+    uint64_t now_us = impid_timebase_extend(&core->timebase, core->port->now_us(core->port->context));
+    const struct impid_messages_response_t *earlier =
+        impid_replies_find(&core->replies, carrier, command, now_us);
+    if (earlier != NULL) {
+        respond(core, carrier, earlier);
+        return;
+    }
+    answer_t answer = act(core, carrier, command);
+    struct impid_messages_response_t response = {.request_id = command->request_id,
+                                                 .opcode = command->opcode,
+                                                 .result = answer.result,
+                                                 .value = answer.value};
+    impid_replies_remember(&core->replies, carrier, command, &response, now_us);
+    respond(core, carrier, &response);
+    if (answer.result != IMPID_MESSAGES_RESPONSE_RESULT_OK_CHOICE) {
+        core->rejected++;
+        return;
+    }
+    core->accepted++;
+    if (command->opcode == IMPID_MESSAGES_COMMAND_OPCODE_STATUS_CHOICE) {
+        impid_core_send_status(core, carrier);
+    } else if (command->opcode == IMPID_MESSAGES_COMMAND_OPCODE_RESET_CHOICE) {
+        core->port->request_reset(core->port->context);
+    }
+}
