@@ -1,0 +1,1 @@
+"""Bytes in, bytes out: ports, and the command protocol over them."""

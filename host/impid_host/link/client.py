@@ -1,0 +1,207 @@
+"""The command protocol: every request has an id, is answered, and may be repeated without harm.
+
+One thread owns a client. `pump` takes what the port has received, decodes it and hands it to the listener; a
+request pumps until its answer is there, so nothing that arrives meanwhile is lost.
+"""
+
+import random
+import time
+from collections import deque
+from dataclasses import dataclass
+from typing import Protocol
+
+from impid_host.clock.device import ClockExchange
+from impid_host.errors import LinkError
+from impid_host.link.port import Chunk, SerialLink
+from impid_host.wire.decoder import LinkCounts, SerialDecoder
+from impid_host.wire.frame import DELIMITER, encode_command
+from impid_host.wire.messages import ITEM, OPCODE, PROTOCOL_VERSION, RESULT, RESULT_NAME, choices
+from impid_host.wire.records import BoardStatus, Decoded, Response
+
+TRIES = 4  # the request and three repeats
+TIMEOUT_S = 0.4
+SELF_TEST_TIMEOUT_S = 5.0
+_PINGS_REMEMBERED = 64
+_SELF_TEST_RUNNING = choices("STATUS_HEALTH", "self_test")["RUNNING"]
+
+
+class Listener(Protocol):
+    """Who wants to see everything that passes, in order."""
+
+    def received(self, chunk: Chunk, decoded: Decoded) -> None:
+        """A chunk came in, and this is what it completed."""
+
+    def sent(self, chunk: Chunk) -> None:
+        """A chunk went out."""
+
+    def exchanged(self, exchange: ClockExchange, boot_id: int) -> None:
+        """A ping was answered."""
+
+
+class _Nobody:
+    def received(self, chunk: Chunk, decoded: Decoded) -> None: ...
+    def sent(self, chunk: Chunk) -> None: ...
+    def exchanged(self, exchange: ClockExchange, boot_id: int) -> None: ...
+
+
+@dataclass(frozen=True, slots=True)
+class BoardInfo:
+    """What a board says of itself; the fields are the INFO items of the message set."""
+
+    protocol_version: int
+    firmware_version: int
+    uid_0: int
+    uid_1: int
+    uid_2: int
+    boot_id: int
+    sample_rate_hz: int
+    group_delay_us: int
+    full_scale_code: int
+    vref_mv: int
+    batch_samples: int
+    oversampling: int
+    reset_cause: int
+    clock_source: int
+
+
+class BoardClient:
+    """Talks to one board over one link."""
+
+    def __init__(self, link: SerialLink, listener: Listener | None = None) -> None:
+        self.listener: Listener = listener or _Nobody()
+        self._link = link
+        self._decoder = SerialDecoder()
+        # At random, because the board repeats its answer to an id that it has just seen, whoever used it.
+        self._request_id = random.randrange(1 << 16)
+        self._answers: deque[Response] = deque(maxlen=_PINGS_REMEMBERED)
+        self._pings: dict[int, int] = {}
+        self._latest_status: BoardStatus | None = None
+
+    @property
+    def counts(self) -> LinkCounts:
+        """What came over the link so far, and what was lost."""
+        return self._decoder.counts
+
+    def pump(self, timeout_s: float) -> bool:
+        """Take one chunk if one comes in time; True if it did.
+
+        Raises:
+            LinkError: the port is gone.
+        """
+        chunk = self._link.receive(timeout_s)
+        if chunk is None:
+            return False
+        decoded = self._decoder.feed(chunk.data)
+        self._answers.extend(decoded.responses)
+        if decoded.statuses:
+            self._latest_status = decoded.statuses[-1]
+        self.listener.received(chunk, decoded)
+        for pong in decoded.pongs:
+            t1_ns = self._pings.pop(pong.request_id, None)
+            if t1_ns is not None:
+                exchange = ClockExchange(t1_ns, pong.t2_us, pong.t3_us, chunk.monotonic_ns)
+                self.listener.exchanged(exchange, pong.boot_id)
+        return True
+
+    def request(self, opcode: str, item: int = 0, value: int = 0) -> Response:
+        """Ask and wait for the answer, three repeats included.
+
+        Raises:
+            LinkError: no answer, a refusal, or the port is gone.
+        """
+        request_id = self._next_id()
+        frame = encode_command(request_id, OPCODE[opcode], item, value)
+        for attempt in range(TRIES):
+            # A leading delimiter ends whatever half frame noise may have left in the board's parser.
+            self._send(frame if attempt else DELIMITER + frame)
+            answer = self._await_answer(request_id)
+            if answer is not None:
+                if answer.result != RESULT["OK"]:
+                    reason = RESULT_NAME.get(answer.result, str(answer.result))
+                    raise LinkError(f"{self._link.name}: the board refuses {opcode} ({reason})")
+                return answer
+        raise LinkError(
+            f"{self._link.name}: no answer to {opcode} after {TRIES} tries; "
+            "check that this is the board's port, its speed, and that the board runs impid firmware"
+        )
+
+    def ping(self) -> None:
+        """Send a ping; the listener hears of the exchange when the answer comes."""
+        request_id = self._next_id()
+        chunk = self._send(encode_command(request_id, OPCODE["PING"]))
+        self._pings[request_id] = chunk.monotonic_ns
+        while len(self._pings) > _PINGS_REMEMBERED:  # unanswered ones
+            del self._pings[next(iter(self._pings))]
+
+    def info(self) -> BoardInfo:
+        """Ask for every item.
+
+        Raises:
+            LinkError: no answer, or a protocol that this version does not speak.
+        """
+        version = self.request("INFO", ITEM["PROTOCOL_VERSION"]).value
+        if version != PROTOCOL_VERSION:
+            raise LinkError(
+                f"{self._link.name}: the board speaks protocol {version}, this program {PROTOCOL_VERSION}; "
+                "update the older of the two"
+            )
+        values = {name.lower(): self.request("INFO", number).value for name, number in ITEM.items()}
+        return BoardInfo(**values)
+
+    def start(self) -> Response:
+        """Start streaming; `next_index` of the answer is the index of the first sample."""
+        return self.request("START")
+
+    def stop(self) -> Response:
+        """Stop streaming; harmless when nothing streams."""
+        return self.request("STOP")
+
+    def status(self) -> BoardStatus:
+        """A status that arrived after it was asked for.
+
+        Raises:
+            LinkError: none came.
+        """
+        self._latest_status = None
+        self.request("STATUS")
+        deadline = time.monotonic() + TIMEOUT_S
+        while time.monotonic() < deadline:
+            if self._latest_status is not None:
+                return self._latest_status
+            self.pump(deadline - time.monotonic())
+        raise LinkError(f"{self._link.name}: the board acknowledged STATUS but sent none; repeat the command")
+
+    def self_test(self) -> int:
+        """Run the accelerometer's self-test; the number that STATUS_HEALTH.self_test shows afterwards.
+
+        Raises:
+            LinkError: refused (the board is streaming), or it does not end.
+        """
+        self.request("SELF_TEST")
+        deadline = time.monotonic() + SELF_TEST_TIMEOUT_S
+        while time.monotonic() < deadline:
+            outcome = self.status().self_test
+            if outcome != _SELF_TEST_RUNNING:
+                return outcome
+            self.pump(TIMEOUT_S / 4)
+        raise LinkError(f"{self._link.name}: the self-test does not end; reset the board")
+
+    def _next_id(self) -> int:
+        self._request_id = (self._request_id + 1) % (1 << 16)
+        return self._request_id
+
+    def _send(self, frame: bytes) -> Chunk:
+        chunk = self._link.send(frame)
+        self.listener.sent(chunk)
+        return chunk
+
+    def _await_answer(self, request_id: int) -> Response | None:
+        deadline = time.monotonic() + TIMEOUT_S
+        while True:
+            for answer in self._answers:
+                if answer.request_id == request_id:
+                    return answer
+            left = deadline - time.monotonic()
+            if left <= 0:
+                return None
+            self.pump(left)

@@ -1,0 +1,149 @@
+"""A serial port or `socket://` address, read by a thread that does nothing else.
+
+The thread stamps every piece when it arrives and queues it. Whatever the rest of the program is busy with (a
+disk that takes a second to sync), the operating system's small buffer is emptied in time and the stamps stay
+honest.
+"""
+
+import contextlib
+import errno
+import os
+import queue
+import select
+import threading
+import time
+from dataclasses import dataclass
+from typing import Self
+
+import serial
+from serial.tools import list_ports
+
+from impid_host.errors import LinkError
+from impid_host.wire.messages import SERIAL_BAUD
+
+_READ_BYTES = 65536
+_POLL_S = 0.1
+
+
+@dataclass(frozen=True, slots=True)
+class Chunk:
+    """Bytes as one call gave or took them, and when: the host's monotonic and wall clocks, ns."""
+
+    monotonic_ns: int
+    wall_ns: int
+    data: bytes
+
+    @classmethod
+    def now(cls, data: bytes) -> Self:
+        """A chunk stamped with this moment."""
+        return cls(monotonic_ns=time.monotonic_ns(), wall_ns=time.time_ns(), data=data)
+
+
+class SerialLink:
+    """An open port. Chunks wait in order until `receive` takes them; close it when done."""
+
+    def __init__(self, port: serial.Serial, name: str) -> None:
+        self.name = name
+        self._port = port
+        self._queue: queue.SimpleQueue[Chunk | None] = queue.SimpleQueue()
+        self._closing = threading.Event()
+        self._reader = threading.Thread(target=self._read_on, name=f"read {name}", daemon=True)
+        self._reader.start()
+
+    @classmethod
+    def open(cls, url: str, baud: int = SERIAL_BAUD) -> Self:
+        """Open a device path or a pyserial URL such as socket://host:port.
+
+        Raises:
+            LinkError: there is no such port, it is in use, or the user may not open it.
+        """
+        try:
+            port = serial.serial_for_url(url, baudrate=baud, timeout=_POLL_S, do_not_open=True)
+            if "://" not in url:
+                port.exclusive = True
+            port.open()
+        except (OSError, ValueError) as error:
+            raise LinkError(_why(url, error)) from error
+        with contextlib.suppress(AttributeError, NotImplementedError, OSError, ValueError):
+            port.set_low_latency_mode(True)  # USB adapters hold bytes back for 16 ms otherwise
+        return cls(port, url)
+
+    def send(self, data: bytes) -> Chunk:
+        """Write everything; the stamp is taken just before.
+
+        Raises:
+            LinkError: the port is gone.
+        """
+        chunk = Chunk.now(data)
+        try:
+            self._port.write(data)
+        except OSError as error:
+            raise LinkError(f"{self.name}: the port is gone ({error}); check the cable") from error
+        return chunk
+
+    def receive(self, timeout_s: float) -> Chunk | None:
+        """The next chunk, or None when nothing came in time.
+
+        Raises:
+            LinkError: the port is gone and every chunk that came before has been taken.
+        """
+        try:
+            chunk = self._queue.get(timeout=timeout_s) if timeout_s > 0 else self._queue.get_nowait()
+        except queue.Empty:
+            return None
+        if chunk is None:
+            self._queue.put(None)
+            raise LinkError(f"{self.name}: the port is gone; check the cable and the board's power")
+        return chunk
+
+    def close(self) -> None:
+        """Stop reading and release the port; a port that is gone already is no error."""
+        self._closing.set()
+        self._reader.join(timeout=5 * _POLL_S)
+        with contextlib.suppress(OSError):
+            self._port.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def _read_on(self) -> None:
+        read = (
+            self._read_descriptor if os.name == "posix" and hasattr(self._port, "fileno") else self._read_port
+        )
+        with contextlib.suppress(OSError, TypeError, ValueError):  # all three: a port closed while it is read
+            while not self._closing.is_set():
+                data = read()
+                if data is None:
+                    break
+                if data:
+                    self._queue.put(Chunk.now(data))
+        self._queue.put(None)
+
+    def _read_descriptor(self) -> bytes | None:
+        """What has come; b"" after a quiet while, None at the end (pyserial reads sockets byte by byte)."""
+        descriptor = self._port.fileno()
+        ready, _, _ = select.select([descriptor], [], [], _POLL_S)
+        return (os.read(descriptor, _READ_BYTES) or None) if ready else b""
+
+    def _read_port(self) -> bytes | None:
+        return bytes(self._port.read(1)) + bytes(self._port.read(self._port.in_waiting))
+
+
+def _why(url: str, error: Exception) -> str:
+    code = error.errno if isinstance(error, OSError) else None
+    if code == errno.ENOENT:
+        present = ", ".join(sorted(p.device for p in list_ports.comports())) or "none"
+        return f"{url}: no such port; ports on this machine: {present}"
+    if code in (errno.EACCES, errno.EPERM):
+        return (
+            f"{url}: permission denied; join the group that owns it (sudo usermod -aG dialout $USER) "
+            "and log in again"
+        )
+    if code in (errno.EBUSY, errno.EAGAIN):
+        return f"{url}: in use by another program; close it first"
+    if "://" in url:
+        return f"{url}: {error}; check the address and that something listens there"
+    return f"{url}: cannot be opened as a serial port ({error}); name a serial device or a socket://host:port"

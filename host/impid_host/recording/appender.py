@@ -1,0 +1,85 @@
+"""A file that only grows, and whose every write is whole or undone."""
+
+import contextlib
+import os
+from pathlib import Path
+from typing import Self
+
+from impid_host.errors import InputError
+
+
+class Appender:
+    """The output stream under the MCAP writer: collects, and writes on `flush` in one piece.
+
+    Nothing reaches the disk in between, so an interrupted program leaves whole records, and after a
+    failed write (full disk) the file is cut back to the last whole piece.
+    """
+
+    def __init__(self, path: Path, descriptor: int) -> None:
+        self.path = path
+        self._descriptor = descriptor
+        self._waiting = bytearray()
+        self._written = 0
+
+    @classmethod
+    def create(cls, path: Path) -> Self:
+        """Make a new file.
+
+        Raises:
+            InputError: it exists already, or it cannot be made here.
+        """
+        try:
+            descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o644)
+        except FileExistsError:
+            raise InputError(
+                path,
+                "exists already",
+                "recordings are never overwritten: choose another name or move it away",
+            ) from None
+        except FileNotFoundError:
+            raise InputError(
+                path, "its folder does not exist", f"make it first: mkdir -p {path.parent}"
+            ) from None
+        except OSError as error:
+            raise InputError(path, f"cannot be created ({error.strerror})", "choose another place") from None
+        return cls(path, descriptor)
+
+    def write(self, data: bytes) -> int:
+        """Collect."""
+        self._waiting += data
+        return len(data)
+
+    def tell(self) -> int:
+        """Where the next byte will stand."""
+        return self._written + len(self._waiting)
+
+    def flush(self) -> None:
+        """Hand what was collected to the operating system: a killed program no longer loses it.
+
+        Raises:
+            InputError: the disk is full or gone; the file then ends with the last whole piece.
+        """
+        view = memoryview(bytes(self._waiting))
+        self._waiting.clear()
+        done = 0
+        try:
+            while done < len(view):
+                done += os.write(self._descriptor, view[done:])
+        except OSError as error:
+            with contextlib.suppress(OSError):
+                os.ftruncate(self._descriptor, self._written)
+            raise InputError(
+                self.path,
+                f"cannot be written on ({error.strerror})",
+                "what was recorded until then is kept in it; free some space before the next recording",
+            ) from None
+        self._written += done
+
+    def sync(self) -> None:
+        """Have the operating system bring it to the disk: a power cut no longer loses it."""
+        with contextlib.suppress(OSError):  # pipes and some network file systems cannot
+            os.fsync(self._descriptor)
+
+    def close(self) -> None:
+        """Close the file; what was collected and not flushed is dropped."""
+        os.close(self._descriptor)

@@ -1,0 +1,103 @@
+"""The books of a recording: what the board produced against what is stored and what is counted as lost."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from impid_host.wire.messages import OPCODE, RESULT
+from impid_host.wire.records import BoardStatus, Loss, Response, Segment
+
+_MASK32 = 0xFFFFFFFF
+
+
+@dataclass(frozen=True, slots=True)
+class RunLedger:
+    """One run of one boot.
+
+    Attributes:
+        boot_id, run: which.
+        stored: samples in the recording.
+        lost_before: missing between START and the first stored sample; None where START was not recorded.
+        lost_inside: missing between stored samples, counted by the index.
+        lost_after: missing behind the last stored sample, as the board told; None where it told nothing.
+        produced: the board's own count since START, taken last; None where no status followed.
+    """
+
+    boot_id: int
+    run: int
+    stored: int
+    lost_before: int | None
+    lost_inside: int
+    lost_after: int | None
+    produced: int | None
+
+    @property
+    def lost(self) -> int:
+        """Samples known to be lost."""
+        return (self.lost_before or 0) + self.lost_inside + (self.lost_after or 0)
+
+    @property
+    def balanced(self) -> bool | None:
+        """Whether produced = stored + lost, exactly; None where the board's count is not known."""
+        return None if self.produced is None else self.produced == self.stored + self.lost
+
+    def __str__(self) -> str:
+        if self.produced is None:
+            return f"{self.stored} samples stored, {self.lost} lost; the board's own count is not known"
+        sign = "=" if self.balanced else "IS NOT"
+        return f"{self.produced} samples produced by the board {sign} {self.stored} stored + {self.lost} lost"
+
+
+def balance(
+    segments: Iterable[Segment],
+    losses: Iterable[Loss],
+    statuses: Iterable[BoardStatus],
+    responses: Iterable[Response],
+) -> tuple[RunLedger, ...]:
+    """The ledger of every run, from what the wire brought."""
+    segments, losses = list(segments), list(losses)
+    statuses, responses = list(statuses), list(responses)
+    ledgers = []
+    for segment in segments:
+        first_us, last_us = int(segment.samples.t_us[0]), int(segment.samples.t_us[-1])
+        later = [
+            int(s.samples.t_us[0]) for s in segments if s.boot_id == segment.boot_id and s.run > segment.run
+        ]
+        until_us = min(later, default=1 << 64)
+        start = _start_of(responses, segment.boot_id, first_us)
+        told = [s for s in statuses if s.boot_id == segment.boot_id and last_us <= s.t_us < until_us]
+        last = told[-1] if told else None
+        ledgers.append(
+            RunLedger(
+                boot_id=segment.boot_id,
+                run=segment.run,
+                stored=len(segment),
+                lost_before=None if start is None else _ahead(int(segment.index[0]), start.next_index),
+                lost_inside=sum(loss.lost for loss in losses if loss.run == segment.run),
+                lost_after=None if last is None else _ahead(last.next_index, int(segment.index[-1]) + 1),
+                produced=None if last is None else last.produced,
+            )
+        )
+    return tuple(ledgers)
+
+
+def _start_of(responses: list[Response], boot_id: int, first_us: int) -> Response | None:
+    """The first answer to the START that opened a run (a repeated request is answered again, later)."""
+    found = [
+        r
+        for r in responses
+        if r.opcode == OPCODE["START"]
+        and r.result == RESULT["OK"]
+        and r.boot_id == boot_id
+        and r.t_us <= first_us + _START_SLACK_US
+    ]
+    return next((r for r in found if r.request_id == found[-1].request_id), None) if found else None
+
+
+# A sample is stamped with the instant it belongs to, a few ms before it can be sent.
+_START_SLACK_US = 20_000
+
+
+def _ahead(later: int, earlier: int) -> int:
+    """How far one 32-bit index is ahead of another; 0 when it is behind."""
+    ahead = (later - earlier) & _MASK32
+    return ahead if ahead < 1 << 31 else 0
