@@ -12,9 +12,7 @@ from cffi import FFI
 
 # The build runs in the root of the source tree, where setup.py is.
 INCLUDE_DIRS = ["firmware/core", "firmware/generated", "firmware/boards/native", "hil_sim/plant"]
-HEADERS = ["hil_sim/plant/plant.h"]
-if list(Path("firmware/boards/native").glob("*.c")):
-    HEADERS.insert(0, "firmware/boards/native/impid_board.h")
+HEADERS = ["firmware/boards/native/impid_board.h", "hil_sim/plant/plant.h"]
 WARNINGS = [] if sys.platform == "win32" else ["-O2", "-std=c11", "-Wall", "-Wextra", "-Wconversion"]
 
 

@@ -1,0 +1,112 @@
+"""The firmware core in this process, through firmware/boards/native/impid_board.h."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil_sim import _native
+
+TICK_US = 1000
+TAKE_BYTES = 65536
+
+
+@dataclass(frozen=True)
+class BoardConfig:
+    """What a board brings along at power-on; see impid_board_config.
+
+    Attributes:
+        uid: the 96-bit identity of the chip.
+        boot_id: different at each boot.
+        reset_cause: as in the message set, STATUS_HEALTH.reset_cause.
+        first_index: index of the first sample after START.
+        start_us: board time of the first tick.
+        serial_bytes_per_ms: what the serial line carries; 0: no limit.
+        can_frames_per_ms: what the bus carries; 0: no limit.
+    """
+
+    uid: tuple[int, int, int] = (0x00320044, 0x31385109, 0x38303634)
+    boot_id: int = 1
+    reset_cause: int = 1
+    first_index: int = 0
+    start_us: int = 0
+    serial_bytes_per_ms: int = 92
+    can_frames_per_ms: int = 0
+
+
+class NativeBoard:
+    """A board in this process; implements `Board`."""
+
+    def __init__(self, config: BoardConfig) -> None:
+        self._next_tick_us = config.start_us
+        board = _native.lib.impid_board_new(
+            _native.ffi.new(
+                "impid_board_config *",
+                {
+                    "uid": list(config.uid),
+                    "boot_id": config.boot_id,
+                    "reset_cause": config.reset_cause,
+                    "first_index": config.first_index,
+                    "start_us": config.start_us,
+                    "serial_bytes_per_ms": config.serial_bytes_per_ms,
+                    "can_frames_per_ms": config.can_frames_per_ms,
+                },
+            )
+        )
+        if board == _native.ffi.NULL:
+            raise MemoryError("no memory for a board")
+        self._board = _native.ffi.gc(board, _native.lib.impid_board_free)
+        self._buffer = _native.ffi.new("uint8_t[]", TAKE_BYTES)
+
+    @property
+    def now_us(self) -> int:
+        """The board's clock, microseconds since its boot."""
+        return int(_native.lib.impid_board_now_us(self._board))
+
+    @property
+    def next_tick_us(self) -> int:
+        """Board time of the next tick that `run` will run."""
+        return self._next_tick_us
+
+    @property
+    def self_test_pin(self) -> bool:
+        """The accelerometer's self-test input is driven."""
+        return bool(_native.lib.impid_board_self_test_pin(self._board))
+
+    @property
+    def reset_requested(self) -> bool:
+        """True once after a RESET command."""
+        return bool(_native.lib.impid_board_reset_requested(self._board))
+
+    def run(
+        self,
+        adc: NDArray[np.uint16],
+        encoder: NDArray[np.int32],
+        faults: NDArray[np.uint8] | None = None,
+    ) -> None:
+        """Runs one tick per row. adc: (n, 8, 2) codes; encoder: (n, 2) counts; faults: (n,) bits."""
+        pointer = _native.ffi.from_buffer
+        ticks = encoder.shape[0]
+        _native.lib.impid_board_run(
+            self._board,
+            ticks,
+            pointer("uint16_t[]", np.ascontiguousarray(adc)),
+            pointer("int32_t[]", np.ascontiguousarray(encoder)),
+            _native.ffi.NULL if faults is None else pointer("uint8_t[]", np.ascontiguousarray(faults)),
+        )
+        self._next_tick_us += TICK_US * ticks
+
+    def serial_receive(self, data: bytes, t_us: int) -> None:
+        """Bytes that arrived at board time t_us."""
+        _native.lib.impid_board_serial_receive(self._board, data, len(data), t_us)
+
+    def serial_take(self) -> bytes:
+        """Bytes that the board has sent since the last call."""
+        taken = []
+        while count := _native.lib.impid_board_serial_take(self._board, self._buffer, TAKE_BYTES):
+            taken.append(bytes(_native.ffi.buffer(self._buffer, count)))
+        return b"".join(taken)
+
+    def close(self) -> None:
+        """Gives back the board's memory at once."""
+        _native.ffi.release(self._board)

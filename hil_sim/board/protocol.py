@@ -1,0 +1,43 @@
+"""What the simulator asks of a board, whatever runs it: the native core, or the shipping binary in an emulator."""
+
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+class Board(Protocol):
+    """A sensor board that a caller drives tick by tick (1 ms each, board time)."""
+
+    @property
+    def now_us(self) -> int:
+        """The board's clock, microseconds since its boot."""
+
+    @property
+    def next_tick_us(self) -> int:
+        """Board time of the next tick that `run` will run."""
+
+    @property
+    def self_test_pin(self) -> bool:
+        """The accelerometer's self-test input is driven."""
+
+    @property
+    def reset_requested(self) -> bool:
+        """The board asked to be reset: discard it and make a new one."""
+
+    def run(
+        self,
+        adc: NDArray[np.uint16],
+        encoder: NDArray[np.int32],
+        faults: NDArray[np.uint8] | None = None,
+    ) -> None:
+        """Runs one tick per row. adc: (n, 8, 2) codes; encoder: (n, 2) counts; faults: (n,) bits."""
+
+    def serial_receive(self, data: bytes, t_us: int) -> None:
+        """Bytes that arrived at board time t_us."""
+
+    def serial_take(self) -> bytes:
+        """Bytes that the board has sent since the last call."""
+
+    def close(self) -> None:
+        """Gives back what the board holds."""

@@ -1,0 +1,48 @@
+"""impid-sim serve"""
+
+from pathlib import Path
+
+import click
+
+from hil_sim.cli.options import FILE, SCENARIO, SEED
+from hil_sim.scenarios.load import load
+from hil_sim.scenarios.load import trial as find_trial
+from hil_sim.serve.session import ServeOptions, serve
+
+
+@click.command("serve")
+@SCENARIO
+@click.option("--trial", metavar="NAME", required=True, help="Which trial of the scenario to run.")
+@click.option("--speed", type=click.FloatRange(min=0.1), default=1.0, show_default=True, help="Times real time.")
+@click.option("--robot-log", type=FILE, help="Where the robot's controller writes its torque log (CSV).")
+@SEED
+@click.option("--link", type=FILE, help="Also make a symbolic link of this name to the terminal.")
+@click.option("--setup", "setup_file", type=FILE, help="Write the laboratory's setup.toml here.")
+@click.option("--truth", "truth_file", type=FILE, help="Write what is hidden here when the motion starts.")
+def command(
+    scenario: str,
+    trial: str,
+    speed: float,
+    robot_log: Path | None,
+    seed: int,
+    link: Path | None,
+    setup_file: Path | None,
+    truth_file: Path | None,
+) -> None:
+    """Serve the sensor board of one trial on a pseudo-terminal.
+
+    Prints one line of JSON when the port is ready and one when the trial is over. The robot rests until the board
+    accepts START. Ends when the trial is over and the port has been closed, or on SIGTERM.
+
+    \b
+    Example:
+      impid-sim serve first-light --trial free_01 --robot-log free_01.csv
+    """
+    loaded = load(scenario)
+    serve(
+        loaded,
+        find_trial(loaded, trial),
+        ServeOptions(
+            seed=seed, speed=speed, robot_log=robot_log, link=link, setup_file=setup_file, truth_file=truth_file
+        ),
+    )

@@ -1,0 +1,143 @@
+"""The plant in C, seen from Python: arrays in, arrays out."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil_sim import _native
+
+Array = NDArray[np.float64]
+SUBSTEPS = 8  # IMPID_PLANT_SUBSTEPS: steps of the integration per tick of the controller
+
+
+@dataclass(frozen=True)
+class Load:
+    """What is on the end-effector: F_ext = -(M x'' + B x' + K (x - x0)), [D] eqs. 3 and 5.
+
+    Attributes:
+        M: shape (2, 2), kg.
+        B: shape (2, 2), N s/m.
+        K: shape (2, 2), N/m.
+        x0: equilibrium in the base frame, shape (2,), m.
+    """
+
+    M: Array
+    B: Array
+    K: Array
+    x0: Array
+
+    @classmethod
+    def none(cls) -> "Load":
+        """Nothing touches the end-effector."""
+        zero = np.zeros((2, 2))
+        return cls(M=zero, B=zero, K=zero, x0=np.zeros(2))
+
+
+@dataclass(frozen=True)
+class PlantParameters:
+    """Everything that the equations of motion and the controller need.
+
+    Attributes:
+        alpha: the five robot parameters of [D] Table VI, SI.
+        link_lengths_m: l1, l2.
+        load: what is on the end-effector.
+        counts_per_rev: encoder counts per turn of each joint.
+        direction: +1 or -1 for each encoder.
+        zero_rad: joint angle at count 0.
+        kp: N m/rad per joint.
+        kd: N m s/rad per joint.
+        velocity_cutoff_Hz: of the controller's filter on differenced encoder readings.
+        tick_s: the controller's own idea of its period.
+        true_tick_s: how long that period really lasts.
+    """
+
+    alpha: tuple[float, float, float, float, float]
+    link_lengths_m: tuple[float, float]
+    load: Load
+    counts_per_rev: tuple[float, float]
+    direction: tuple[int, int]
+    zero_rad: tuple[float, float]
+    kp: tuple[float, float]
+    kd: tuple[float, float]
+    velocity_cutoff_Hz: float
+    tick_s: float = 1e-3
+    true_tick_s: float = 1e-3
+
+
+@dataclass(frozen=True)
+class Motion:
+    """A stretch of motion. n ticks, 8 n substeps; substep s lasts from grid point s to s + 1.
+
+    Attributes:
+        q: joint angles at the end of each substep, shape (8 n, 2), rad.
+        w: joint speeds there, shape (8 n, 2), rad/s.
+        acceleration: of the end-effector in the base frame, mean over each substep, shape (8 n, 2), m/s^2.
+        force: of the load on the robot, mean over each substep, shape (8 n, 2), N.
+        count: what the controller read at each tick, shape (n, 2).
+        torque: what it held from there to the next tick, shape (n, 2), N m.
+    """
+
+    q: Array
+    w: Array
+    acceleration: Array
+    force: Array
+    count: NDArray[np.int32]
+    torque: Array
+
+
+class Plant:
+    """The robot with its controller and load; keeps its state from one stretch to the next."""
+
+    def __init__(self, parameters: PlantParameters, q_rad: Array) -> None:
+        """Puts the robot at rest at q_rad, shape (2,)."""
+        p = parameters
+        scale = [d * c / (2.0 * np.pi) for d, c in zip(p.direction, p.counts_per_rev, strict=True)]
+        weight = 1.0 - float(np.exp(-2.0 * np.pi * p.velocity_cutoff_Hz * p.tick_s))
+        self._plant = _native.ffi.new(
+            "impid_plant *",
+            {
+                "robot": {"alpha": list(p.alpha), "length": list(p.link_lengths_m)},
+                "load": {
+                    "M": p.load.M.ravel().tolist(),
+                    "B": p.load.B.ravel().tolist(),
+                    "K": p.load.K.ravel().tolist(),
+                    "x0": p.load.x0.tolist(),
+                },
+                "encoder": {"counts_per_rad": scale, "zero_rad": list(p.zero_rad)},
+                "controller": {
+                    "kp": list(p.kp),
+                    "kd": list(p.kd),
+                    "velocity_weight": weight,
+                    "tick_s": p.tick_s,
+                },
+                "step_s": p.true_tick_s / SUBSTEPS,
+            },
+        )
+        _native.lib.impid_plant_rest(self._plant, [float(q_rad[0]), float(q_rad[1])])
+
+    def set_speed(self, w: Array) -> None:
+        """Sets the joint speeds, shape (2,), rad/s: a start from motion instead of rest."""
+        self._plant.w = [float(w[0]), float(w[1])]
+
+    def energy(self) -> float:
+        """Kinetic energy of robot and payload plus that of the springs, J."""
+        return float(_native.lib.impid_plant_energy(self._plant))
+
+    def run(self, reference: Array) -> Motion:
+        """Advances by one tick per row of the reference: q1, q2 (rad), w1, w2 (rad/s), shape (n, 4)."""
+        reference = np.ascontiguousarray(reference, dtype=np.float64)
+        ticks = reference.shape[0]
+        fine = [np.empty((SUBSTEPS * ticks, 2)) for _ in range(4)]
+        count = np.empty((ticks, 2), dtype=np.int32)
+        torque = np.empty((ticks, 2))
+        pointer = _native.ffi.from_buffer
+        _native.lib.impid_plant_run(
+            self._plant,
+            ticks,
+            pointer("double[]", reference),
+            *(pointer("double[]", array, require_writable=True) for array in fine),
+            pointer("int32_t[]", count, require_writable=True),
+            pointer("double[]", torque, require_writable=True),
+        )
+        return Motion(*fine, count=count, torque=torque)

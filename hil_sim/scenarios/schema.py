@@ -1,0 +1,201 @@
+"""What a scenario file may say. Every quantity carries its unit in its name; unknown keys are refused."""
+
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+Positive = Annotated[float, Field(gt=0.0)]
+NotNegative = Annotated[float, Field(ge=0.0)]
+Pair = tuple[float, float]
+PositivePair = tuple[Positive, Positive]
+Matrix = tuple[Pair, Pair]
+Direction = Literal[-1, 1]
+ZERO: Matrix = ((0.0, 0.0), (0.0, 0.0))
+
+
+class _Table(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class SetupRobot(_Table):
+    """setup.toml [robot]."""
+
+    model: Literal["planar-2r-absolute"] = "planar-2r-absolute"
+    link_lengths_m: PositivePair
+
+
+class SetupEncoder(_Table):
+    """setup.toml [encoder]."""
+
+    counts_per_rev: tuple[Annotated[int, Field(gt=0)], Annotated[int, Field(gt=0)]]
+    zero_rad: Pair = (0.0, 0.0)
+    direction: tuple[Direction, Direction] = (1, 1)
+
+
+class SetupAccelerometer(_Table):
+    """setup.toml [accelerometer]: nominal values, or those of the laboratory's calibration."""
+
+    part: str = "ADXL203"
+    vref_V: Positive
+    full_scale_code: Literal[65536] = 65536
+    zero_g_V: Pair
+    sensitivity_V_per_g: PositivePair
+    mount: Literal["link2", "fixed"] = "link2"
+    mount_angle_rad: float = 0.0
+
+
+class SetupHandle(_Table):
+    """setup.toml [handle]."""
+
+    mass_kg: NotNegative = 0.0
+
+
+class Setup(_Table):
+    """What the laboratory knows; goes into setup.toml as it is."""
+
+    robot: SetupRobot
+    encoder: SetupEncoder
+    accelerometer: SetupAccelerometer
+    handle: SetupHandle = SetupHandle()
+
+
+class RobotTruth(_Table):
+    """[world.robot]: alpha as in [D] eqs. 11 to 13, SI."""
+
+    alpha: tuple[Positive, float, Positive, NotNegative, NotNegative]
+
+    @model_validator(mode="after")
+    def _inertia_is_positive(self) -> "RobotTruth":
+        if 0.25 * self.alpha[1] ** 2 >= self.alpha[0] * self.alpha[2]:
+            raise ValueError("no robot has this inertia: alpha2 must be below 2 sqrt(alpha1 alpha3)")
+        return self
+
+
+class ControllerTruth(_Table):
+    """[world.controller]: joint PD at 1 kHz on the encoders."""
+
+    kp_Nm_per_rad: tuple[NotNegative, NotNegative] = (150.0, 150.0)
+    kd_Nms_per_rad: tuple[NotNegative, NotNegative] = (5.0, 5.0)
+    velocity_cutoff_Hz: Positive = 60.0
+
+
+class AccelerometerErrors(_Table):
+    """[world.accelerometer]: how this sensor differs from the setup, and its noise."""
+
+    bandwidth_Hz: Positive = 500.0
+    noise_density_ug_per_rtHz: NotNegative = 110.0
+    offset_mg: Pair = (0.0, 0.0)
+    gain_error: Pair = (0.0, 0.0)
+    cross_axis: Pair = (0.0, 0.0)
+    mount_angle_error_rad: float = 0.0
+    # Data sheet: about 150 mV at a 3 V supply, growing with its cube: 0.2 V, or 0.32 g, at 3.3 V.
+    self_test_g: Pair = (0.32, 0.32)
+
+
+class ForceSensorTable(_Table):
+    """[world.force_sensor]: present only where the robot has one."""
+
+    noise_N: tuple[NotNegative, NotNegative] = (0.03, 0.03)
+
+
+class Clocks(_Table):
+    """[world.clocks]: how fast the two clocks run against the truth."""
+
+    board_ppm: Annotated[float, Field(ge=-1000.0, le=1000.0)] = 0.0
+    robot_ppm: Annotated[float, Field(ge=-1000.0, le=1000.0)] = 0.0
+
+
+class Serial(_Table):
+    """[world.serial]: the line between board and host."""
+
+    baud: Annotated[int, Field(ge=9600)] = 921600
+
+    @property
+    def bytes_per_ms(self) -> int:
+        """Ten bits carry a byte: start, eight, stop."""
+        return self.baud // 10000
+
+
+class LoadTruth(_Table):
+    """[world.loads.NAME]: F_ext = -(M x'' + B x' + K (x - x0))."""
+
+    M_kg: Matrix
+    B_Ns_per_m: Matrix = ZERO
+    K_N_per_m: Matrix = ZERO
+    x0_m: Pair
+
+    @model_validator(mode="after")
+    def _mass_is_not_negative(self) -> "LoadTruth":
+        (xx, xy), (yx, yy) = self.M_kg
+        if xx < 0.0 or yy < 0.0 or xx * yy < 0.25 * (xy + yx) ** 2:
+            raise ValueError("M_kg must not take energy from nowhere: make it positive semidefinite")
+        return self
+
+
+class Motion(_Table):
+    """[motion.free] and [motion.load]: ten sinusoids per joint."""
+
+    range_deg: Positive
+    highest_Hz: Positive = 2.0
+    ramp_s: Positive = 2.0
+
+
+class Motions(_Table):
+    """[motion]: free trials sweep the workspace about a pose, loaded ones stay about the load's equilibrium."""
+
+    free_centre_rad: Pair = (0.7854, 0.7854)
+    free: Motion = Motion(range_deg=40.0)
+    load: Motion = Motion(range_deg=10.0)
+
+
+class World(_Table):
+    """What is really true."""
+
+    robot: RobotTruth
+    controller: ControllerTruth = ControllerTruth()
+    accelerometer: AccelerometerErrors = AccelerometerErrors()
+    force_sensor: ForceSensorTable | None = None
+    clocks: Clocks = Clocks()
+    serial: Serial = Serial()
+    loads: dict[str, LoadTruth] = {}
+
+
+class Trial(_Table):
+    """[[trials]]: one recording."""
+
+    name: Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$")]
+    kind: Literal["free", "mass-spring"]
+    load: str | None = None
+    duration_s: Annotated[float, Field(gt=0.0, le=86400.0)] = 50.0
+    robot_zero_s: float = 0.0
+    note: str = ""
+
+    @model_validator(mode="after")
+    def _load_fits_kind(self) -> "Trial":
+        if self.kind == "free" and self.load is not None:
+            raise ValueError("a free trial has nothing on the end-effector: remove load, or change kind")
+        if self.kind != "free" and self.load is None:
+            raise ValueError("name the load: one of the tables below [world.loads]")
+        return self
+
+
+class Scenario(_Table):
+    """The whole file."""
+
+    format: Literal["impid-scenario/1"]
+    title: str
+    setup: Setup
+    world: World
+    motion: Motions = Motions()
+    trials: Annotated[tuple[Trial, ...], Field(min_length=1)]
+
+    @model_validator(mode="after")
+    def _names_hold_together(self) -> "Scenario":
+        names = [trial.name for trial in self.trials]
+        twice = sorted({name for name in names if names.count(name) > 1})
+        if twice:
+            raise ValueError(f"two trials are called {twice[0]}: give each its own name")
+        for trial in self.trials:
+            if trial.load is not None and trial.load not in self.world.loads:
+                raise ValueError(f"trial {trial.name} names the load {trial.load}: add [world.loads.{trial.load}]")
+        return self

@@ -1,0 +1,69 @@
+"""The two CSV files of a trial, written block by block."""
+
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+import numpy as np
+import pyarrow as pa
+from pyarrow import csv
+
+from hil_sim.board.wire import Samples
+from hil_sim.sensors.torque_log import LogRows
+
+NO_HEADER = csv.WriteOptions(include_header=False)
+
+
+class _CsvFile:
+    """A header line, then rows as they come; what was written survives a kill."""
+
+    def __init__(self, path: Path, columns: list[str]) -> None:
+        self._file = path.open("wb")
+        self._file.write((",".join(columns) + "\n").encode())
+        self._columns = columns
+
+    def write(self, arrays: list[np.ndarray]) -> None:  # type: ignore[type-arg]
+        """One array per column."""
+        table = pa.table([pa.array(array) for array in arrays], names=self._columns)
+        csv.write_csv(table, self._file, NO_HEADER)
+
+    def flush(self) -> None:
+        """Hands everything to the operating system."""
+        self._file.flush()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._file.close()
+
+
+class RobotCsv(_CsvFile):
+    """robot.csv: what the robot's controller logs."""
+
+    def __init__(self, path: Path, *, with_force: bool) -> None:
+        force = ["fx", "fy"] if with_force else []
+        super().__init__(path, ["t", "theta1", "theta2", "tau1", "tau2", *force])
+
+    def add(self, rows: LogRows) -> None:
+        """Appends rows; digits beyond what any sensor resolves are left out."""
+        theta, tau = np.round(rows.theta_rad, 9), np.round(rows.tau_Nm, 7)
+        arrays = [rows.t_s, theta[:, 0], theta[:, 1], tau[:, 0], tau[:, 1]]
+        if rows.force_N is not None:
+            force = np.round(rows.force_N, 5)
+            arrays += [force[:, 0], force[:, 1]]
+        self.write(arrays)
+
+
+class DeviceCsv(_CsvFile):
+    """device.csv: what the board sent."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(path, ["t_us", "seq", "ax", "ay", "enc1", "enc2", "flags"])
+
+    def add(self, samples: Samples) -> None:
+        """Appends samples."""
+        s = samples
+        self.write([s.t_us, s.seq, s.ax, s.ay, s.enc1, s.enc2, s.flags])

@@ -1,0 +1,187 @@
+"""One trial as the sensor board and the robot's log see it: plant, sensors and clocks put together.
+
+The plant runs on the robot controller's ticks, the board converts on its own. The board's clock rules the calls:
+for a stretch of board ticks the world runs the plant as far as that needs and gives what the
+converters and counters read. Rows of the robot's log come out on the side.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil_sim.plant.plant import SUBSTEPS, Motion, Plant, PlantParameters
+from hil_sim.plant.reference import Reference, TickedReference
+from hil_sim.seeds import generator
+from hil_sim.sensors import adc
+from hil_sim.sensors.accelerometer import AccelerometerTruth, Output, OutputFilter
+from hil_sim.sensors.clock import Clock
+from hil_sim.sensors.encoder import EncoderTruth
+from hil_sim.sensors.force_sensor import ForceSensor, ForceSensorTruth
+from hil_sim.sensors.torque_log import LogRows, TorqueLog
+
+Array = NDArray[np.float64]
+CONVERSIONS = 8  # IMPID_ADC_PER_TICK
+TICK_US = 1000  # of the board
+CONVERSION_US = TICK_US // CONVERSIONS
+
+
+@dataclass(frozen=True)
+class TrialTruth:
+    """Everything that is true of one trial; the host never sees it.
+
+    Attributes:
+        name: of the trial; with the seed it names the streams of chance.
+        plant: robot, load and controller.
+        reference: what the controller follows.
+        accelerometer, encoder, force_sensor: the sensors; force_sensor is None where there is none.
+        vref_V: true reference of the converter.
+        robot_clock: shows its zero when the motion starts.
+        board_rate_ppm: rate of the board's clock.
+        duration_s: of the log, on the robot's clock.
+        seed: of all chance.
+    """
+
+    name: str
+    plant: PlantParameters
+    reference: Reference
+    accelerometer: AccelerometerTruth
+    encoder: EncoderTruth
+    force_sensor: ForceSensorTruth | None
+    vref_V: float
+    robot_clock: Clock
+    board_rate_ppm: float
+    duration_s: float
+    seed: int
+
+
+@dataclass(frozen=True)
+class Readings:
+    """What the board reads in n of its ticks.
+
+    Attributes:
+        adc: 12-bit codes, both axes, shape (n, 8, 2).
+        encoder: counters, shape (n, 2).
+    """
+
+    adc: NDArray[np.uint16]
+    encoder: NDArray[np.int32]
+
+
+class World:
+    """Robot, load and sensors of one trial. Rests until `begin`, then moves for ever."""
+
+    def __init__(self, truth: TrialTruth) -> None:
+        self.truth = truth
+        tick_s = truth.plant.tick_s
+        q = truth.reference.centre_rad
+        self._step_s = truth.plant.true_tick_s / SUBSTEPS
+        self._plant = Plant(truth.plant, q)
+        self._reference = TickedReference(truth.reference, tick_s)
+        self._filter = OutputFilter(truth.accelerometer, self._step_s)
+        self._output = Output(
+            truth.accelerometer, 1e-6 * CONVERSION_US, generator(truth.seed, truth.name, "accelerometer noise")
+        )
+        sensor = truth.force_sensor
+        self._log = TorqueLog(
+            zero_s=truth.robot_clock.zero_s,
+            tick_s=tick_s,
+            rows=round(truth.duration_s / tick_s),
+            encoder=truth.encoder,
+            force_sensor=sensor and ForceSensor(sensor, generator(truth.seed, truth.name, "force sensor noise")),
+        )
+        self._rows: list[LogRows] = []
+        self._tick = 0  # ticks of the controller so far
+        self._board_clock = Clock(0.0, truth.board_rate_ppm)
+        self._begin_us: int | None = None
+        # What the interpolation still needs, from grid point _from on: q, w and filter output at grid points;
+        # the drive of the filter over the substep that begins there (one row fewer).
+        self._from = 0
+        self._q = q[None, :].copy()
+        self._w = np.zeros((1, 2))
+        self._filtered = np.zeros((1, 2))
+        self._drive = np.zeros((0, 2))
+
+    @property
+    def begin_us(self) -> int | None:
+        """Board time at which the motion started; None before."""
+        return self._begin_us
+
+    @property
+    def log_complete(self) -> bool:
+        """The robot's log of the trial has all its rows."""
+        return self._log.complete
+
+    def begin(self, board_us: int) -> None:
+        """Starts the motion when the board's clock shows board_us; must lie ahead of what was read."""
+        self._begin_us = board_us
+
+    def read(self, first_us: int, ticks: int, *, self_test: bool = False) -> Readings:
+        """What the board reads in consecutive ticks, the first of them at board time first_us."""
+        if self._begin_us is None:
+            count = self.truth.encoder.count(np.repeat(self._q[:1], ticks, axis=0))
+            filtered = np.zeros((ticks * CONVERSIONS, 2))
+        else:
+            since_us = (first_us - self._begin_us) + TICK_US * np.arange(ticks)
+            conversion_us = since_us[:, None] + CONVERSION_US * (np.arange(CONVERSIONS) - (CONVERSIONS - 1))
+            place = self._board_clock.true_time(1e-6 * conversion_us.ravel()) / self._step_s
+            place = np.maximum(place, 0.0)
+            self._advance_past(float(place[-1]))
+            filtered = self._filtered_at(place)
+            count = self.truth.encoder.count(self._q_at(place[CONVERSIONS - 1 :: CONVERSIONS]))
+            self._forget(float(place[-1]))
+        volts = self._output.volts(filtered, self_test=self_test)
+        codes = adc.convert(volts, self.truth.vref_V)
+        return Readings(adc=codes.reshape(ticks, CONVERSIONS, 2), encoder=count)
+
+    def take_log(self) -> list[LogRows]:
+        """The rows that have come up since the last call, in order."""
+        rows, self._rows = self._rows, []
+        return rows
+
+    def _advance_past(self, place: float) -> None:
+        """Runs the plant until the grid reaches beyond `place` substeps since the start."""
+        missing = int(place) + 1 - SUBSTEPS * self._tick
+        if missing <= 0:
+            return
+        ticks = -(-missing // SUBSTEPS)
+        motion = self._plant.run(self._reference.ticks(self._tick, ticks))
+        self._tick += ticks
+        if not self._log.complete:
+            self._rows.append(self._log.add(motion))
+        self._append(motion)
+
+    def _append(self, motion: Motion) -> None:
+        q = np.concatenate([self._q[-1:], motion.q])
+        drive, filtered = self._filter.drive(q, motion.acceleration)
+        self._q = np.concatenate([self._q, motion.q])
+        self._w = np.concatenate([self._w, motion.w])
+        self._filtered = np.concatenate([self._filtered, filtered])
+        self._drive = np.concatenate([self._drive, drive])
+
+    def _filtered_at(self, place: Array) -> Array:
+        """Output of the accelerometer's filter between grid points: it nears the drive of that substep."""
+        whole = place.astype(np.int64)
+        index = whole - self._from
+        decay = np.exp((whole - place) * (self._step_s * self._filter.rate))
+        drive = self._drive[index]
+        return drive + (self._filtered[index] - drive) * decay[:, None]
+
+    def _q_at(self, place: Array) -> Array:
+        """Joint angles between grid points: the cubic through angles and speeds at both ends."""
+        whole = place.astype(np.int64)
+        index = whole - self._from
+        u = (place - whole)[:, None]
+        q0, q1 = self._q[index], self._q[index + 1]
+        w0, w1 = self._step_s * self._w[index], self._step_s * self._w[index + 1]
+        rise = q1 - q0
+        return q0 + u * (w0 + u * (3.0 * rise - 2.0 * w0 - w1 + u * (w0 + w1 - 2.0 * rise)))
+
+    def _forget(self, place: float) -> None:
+        """Drops what lies before the last conversion; the next one comes later."""
+        gone = int(place) - self._from
+        self._from += gone
+        self._q = self._q[gone:]
+        self._w = self._w[gone:]
+        self._filtered = self._filtered[gone:]
+        self._drive = self._drive[gone:]
