@@ -2,17 +2,18 @@
 
 A study of 80 trials holds millions of rows, so `pyarrow` reads the columns that were asked for and no others.
 It cannot say which line is at fault, nor can it read `12.0` as an integer. When it refuses, the careful
-reader goes through the file cell by cell: it either finds the fault and names it, or finds that there is none.
+reader goes through the file cell by cell: either it finds the fault and names it, or there is none.
 """
 
+import codecs
 import csv
-import io
 import itertools
 import math
+from array import array
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TextIO
 
 import numpy as np
 import pyarrow as pa
@@ -24,8 +25,36 @@ from impid_host.study.notices import notice
 
 # 2 GiB of robot log is half a day at 1 kHz: no trial, and more than a small computer can hold as columns.
 MAX_CSV_BYTES = 2 << 30
-_MAX_HEADER_CHARACTERS = 1 << 16
+_MAX_LINE_CHARACTERS = 1 << 16
 _MISSING = ("", "nan", "NaN", "NAN", "NA", "null")
+_BLANKS = "whitespace"
+
+
+@dataclass(frozen=True, slots=True)
+class CsvDialect:
+    """How a CSV file is written; the defaults are those of the study folder.
+
+    Attributes:
+        delimiter: one character, or "whitespace" for any run of blanks and tabs.
+        decimal: decimal point.
+        header: whether the first line (after `skip_rows`) names the columns; else they are called 1, 2, ...
+        skip_rows: lines to pass over at the top.
+        comment: lines that begin with this are passed over.
+    """
+
+    delimiter: str = ","
+    decimal: str = "."
+    header: bool = True
+    skip_rows: int = 0
+    comment: str | None = None
+
+    @property
+    def plain(self) -> bool:
+        """Whether pyarrow knows how to read it."""
+        return self.delimiter != _BLANKS and self.comment is None and self.skip_rows == 0
+
+
+STUDY_DIALECT = CsvDialect()
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,17 +63,18 @@ class CsvTable:
 
     path: Path
     columns: Mapping[str, NDArray[Any]]
+    dialect: CsvDialect = STUDY_DIALECT
 
     def row(self, index: int) -> int:
-        """The 1-based line of the file that holds data row `index` (counting blank lines too)."""
-        encoding = _encoding(self.path)
-        with self.path.open(encoding=encoding, errors="replace") as file:
-            filled = (number for number, line in enumerate(file, start=1) if line.strip())
-            return next(itertools.islice(filled, index + 1, None), index + 2)
+        """The 1-based line of the file that holds data row `index` (counting blank and comment lines too)."""
+        with _open(self.path) as file:
+            lines = _filled_lines(file, self.dialect)
+            found = next(itertools.islice(lines, index + int(self.dialect.header), None), None)
+        return index + 2 if found is None else found[0]
 
 
-def read_header(path: Path) -> list[str]:
-    """The column names of a CSV file, stripped of blanks.
+def read_header(path: Path, dialect: CsvDialect = STUDY_DIALECT) -> list[str]:
+    """The column names of a CSV file, stripped of blanks; 1, 2, ... where it has none.
 
     Raises:
         InputError: the file is missing, empty, too large, or no text.
@@ -57,32 +87,32 @@ def read_header(path: Path) -> list[str]:
             raise InputError(
                 path, f"is {size >> 20} MiB long", "cut the log into trials of less than 2 GiB each"
             )
-        with path.open(encoding=_encoding(path), errors="replace") as file:
-            line = file.readline(_MAX_HEADER_CHARACTERS)
+        with _open(path) as file:
+            row, line = next(_filled_lines(file, dialect), (1, ""))
     except FileNotFoundError:
         raise InputError(path, "does not exist", "check the path") from None
     except OSError as error:
         raise InputError(
             path, f"cannot be read ({error.strerror})", "check the path and its permissions"
         ) from None
-    if not line.strip():
-        raise InputError(
-            path, "is empty", "the log was never written, or its first line is blank; copy it again"
-        )
-    if "\0" in line or len(line) >= _MAX_HEADER_CHARACTERS:
-        raise InputError(path, "is no CSV text", "check that this is the right file", row=1)
+    if not line:
+        raise InputError(path, "is empty", "the log was never written; copy it again or record it again")
+    if "\0" in line or len(line) >= _MAX_LINE_CHARACTERS:
+        raise InputError(path, "is no CSV text", "check that this is the right file", row=row)
     try:
-        return [name.strip() for name in next(csv.reader([line]))]
+        names = _cells(line, dialect)
     except csv.Error as error:
-        raise InputError(path, f"has a broken header ({error})", "correct it", row=1) from None
+        raise InputError(path, f"has a broken header ({error})", "correct it", row=row) from None
+    return names if dialect.header else [str(i + 1) for i in range(len(names))]
 
 
 def read_columns(
     path: Path,
     wanted: Mapping[str, np.dtype[Any]],
     *,
-    may_be_empty: Sequence[str] = (),
     header: Sequence[str],
+    may_be_empty: Sequence[str] = (),
+    dialect: CsvDialect = STUDY_DIALECT,
 ) -> CsvTable:
     """Read the columns `wanted` (name -> dtype) of a CSV file whose header is `header`, in any order.
 
@@ -92,12 +122,12 @@ def read_columns(
         InputError: a column is missing or there twice, a cell holds no number that fits, or there is no row.
     """
     _check_header(path, wanted, header)
-    columns = _read_fast(path, wanted, header)
+    columns = _read_fast(path, wanted, header, dialect)
     if columns is None or any(_has_nan(columns[name]) for name in wanted if name not in may_be_empty):
-        columns = _read_carefully(path, wanted, may_be_empty, header)
+        columns = _read_carefully(path, wanted, may_be_empty, header, dialect)
     if len(next(iter(columns.values()))) == 0:
         raise InputError(path, "has a header but no rows", "the log was never filled; record it again")
-    return CsvTable(path, columns)
+    return CsvTable(path, columns, dialect)
 
 
 def _check_header(path: Path, wanted: Mapping[str, np.dtype[Any]], header: Sequence[str]) -> None:
@@ -112,10 +142,10 @@ def _check_header(path: Path, wanted: Mapping[str, np.dtype[Any]], header: Seque
 
 
 def _read_fast(
-    path: Path, wanted: Mapping[str, np.dtype[Any]], header: Sequence[str]
+    path: Path, wanted: Mapping[str, np.dtype[Any]], header: Sequence[str], dialect: CsvDialect
 ) -> dict[str, NDArray[Any]] | None:
     """The columns as pyarrow reads them, or None where it refuses."""
-    if _encoding(path) == "utf-16":
+    if not dialect.plain or _encoding(path) == "utf-16":
         return None
     # Positions stand for names, so that unnamed and repeated columns beside the wanted ones do no harm.
     positions = {name: str(header.index(name)) for name in wanted}
@@ -123,12 +153,16 @@ def _read_fast(
         table = pa.csv.read_csv(
             path,
             read_options=pa.csv.ReadOptions(
-                column_names=[str(i) for i in range(len(header))], skip_rows=1, block_size=1 << 22
+                column_names=[str(i) for i in range(len(header))],
+                skip_rows=int(dialect.header),
+                block_size=1 << 22,
             ),
+            parse_options=pa.csv.ParseOptions(delimiter=dialect.delimiter),
             convert_options=pa.csv.ConvertOptions(
                 column_types={positions[name]: pa.from_numpy_dtype(dtype) for name, dtype in wanted.items()},
                 include_columns=list(positions.values()),
                 null_values=list(_MISSING),
+                decimal_point=dialect.decimal,
             ),
         )
     except (pa.ArrowException, OSError):
@@ -143,44 +177,63 @@ def _read_fast(
 
 
 def _read_carefully(
-    path: Path, wanted: Mapping[str, np.dtype[Any]], may_be_empty: Sequence[str], header: Sequence[str]
+    path: Path,
+    wanted: Mapping[str, np.dtype[Any]],
+    may_be_empty: Sequence[str],
+    header: Sequence[str],
+    dialect: CsvDialect,
 ) -> dict[str, NDArray[Any]]:
     """The columns cell by cell.
 
     Raises:
         InputError: at the first cell that holds no fitting number.
     """
+    if _encoding(path) == "latin-1":
+        notice(f"{path}: is not UTF-8; read as Latin-1")
     places = [(name, header.index(name), dtype, name in may_be_empty) for name, dtype in wanted.items()]
-    values: dict[str, list[float | int]] = {name: [] for name in wanted}
-    for row, cells in _rows(path):
+    values: dict[str, array[Any]] = {name: array(dtype.char) for name, dtype in wanted.items()}
+    for row, cells in _rows(path, dialect):
         if len(cells) != len(header):
             remedy = "complete or delete that row (a cut-off last row is what a power cut leaves)"
             raise InputError(
-                path, f"has {len(cells)} cells where the header has {len(header)}", remedy, row=row
+                path, f"has {len(cells)} cells where there are {len(header)} columns", remedy, row=row
             )
         for name, place, dtype, optional in places:
-            values[name].append(
-                _number(path, row, name, cells[place].strip(), dtype=dtype, optional=optional)
-            )
-    return {name: np.array(values[name], dtype=dtype) for name, dtype in wanted.items()}
+            text = cells[place] if dialect.decimal == "." else cells[place].replace(dialect.decimal, ".")
+            values[name].append(_number(path, row, name, text, dtype=dtype, optional=optional))
+    return {name: np.frombuffer(values[name], dtype=dtype).copy() for name, dtype in wanted.items()}
 
 
-def _rows(path: Path) -> Iterator[tuple[int, list[str]]]:
+def _open(path: Path) -> TextIO:
+    return path.open(encoding=_encoding(path), errors="replace")
+
+
+def _filled_lines(file: TextIO, dialect: CsvDialect) -> Iterator[tuple[int, str]]:
+    """(1-based line, text) of each line that is neither blank, skipped nor a comment."""
+    for number, line in enumerate(iter(lambda: file.readline(_MAX_LINE_CHARACTERS), ""), start=1):
+        text = line.strip("\r\n")
+        if number > dialect.skip_rows and text.strip() and not _is_comment(text, dialect):
+            yield number, text
+
+
+def _is_comment(text: str, dialect: CsvDialect) -> bool:
+    return dialect.comment is not None and text.lstrip().startswith(dialect.comment)
+
+
+def _cells(text: str, dialect: CsvDialect) -> list[str]:
+    if dialect.delimiter == _BLANKS:
+        return text.split()
+    return [cell.strip() for cell in next(csv.reader([text], delimiter=dialect.delimiter))]
+
+
+def _rows(path: Path, dialect: CsvDialect) -> Iterator[tuple[int, list[str]]]:
     """(1-based line, cells) of each filled row after the header."""
-    encoding = _encoding(path)
-    if encoding == "latin-1":
-        notice(f"{path}: is not UTF-8; read as Latin-1")
-    with path.open(encoding=encoding, errors="replace", newline="") as file:
-        reader = csv.reader(io.StringIO(file.read().replace("\r\n", "\n").replace("\r", "\n")))
-        try:
-            next(reader, None)
-            for cells in reader:
-                if any(cell.strip() for cell in cells):
-                    yield reader.line_num, cells
-        except csv.Error as error:
-            raise InputError(
-                path, f"is no CSV text ({error})", "correct that row", row=reader.line_num
-            ) from None
+    with _open(path) as file:
+        for row, text in itertools.islice(_filled_lines(file, dialect), int(dialect.header), None):
+            try:
+                yield row, _cells(text, dialect)
+            except csv.Error as error:
+                raise InputError(path, f"is no CSV text ({error})", "correct that row", row=row) from None
 
 
 def _number(
@@ -230,12 +283,12 @@ def _has_nan(column: NDArray[Any]) -> bool:
 def _encoding(path: Path) -> str:
     with path.open("rb") as file:
         start = file.read(1 << 16)
-    if start.startswith((b"\xff\xfe", b"\xfe\xff")):
+    if start.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         return "utf-16"
     try:
-        start[:-4].decode("utf-8-sig") if len(start) == 1 << 16 else start.decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        return "utf-8-sig" if len(start) == 1 << 16 and error.start >= len(start) - 8 else "latin-1"
+        codecs.getincrementaldecoder("utf-8-sig")().decode(start, final=len(start) < 1 << 16)
+    except UnicodeDecodeError:
+        return "latin-1"
     return "utf-8-sig"
 
 

@@ -25,9 +25,9 @@ _TYPES: dict[str, np.dtype[Any]] = {
 def read_device_samples(path: Path) -> DeviceSamples:
     """Read `device.csv`; the columns' order does not matter, columns of other names are ignored.
 
-    The samples handed out have strictly increasing `t_us`. Samples that repeat a stamp are left out; where
-    the module restarted, only the longest stretch between restarts is kept, because a restart begins a new clock.
-    Both are warned about, as are samples that `seq` shows to be lost.
+    The samples handed out have strictly increasing `t_us`. Samples that repeat a stamp are left out. Where
+    the module restarted, only the longest stretch is kept, because a restart begins a new clock. Both are
+    warned about, as are samples that `seq` shows to be lost.
 
     Raises:
         InputError: missing column, unreadable cell, time going backwards without a restart; names the row.
@@ -68,9 +68,8 @@ def _longest_stretch(samples: DeviceSamples, table: CsvTable) -> DeviceSamples:
 
 
 def _report_losses(samples: DeviceSamples, path: Path) -> None:
-    missing = (samples.seq[1:] - samples.seq[:-1]).astype(
-        np.int64
-    ) - 1  # uint32 arithmetic, so a wrap is no gap
+    step = samples.seq[1:] - samples.seq[:-1]  # unsigned arithmetic, so a wrap is no gap
+    missing = step.astype(np.int64) - 1
     gaps = (missing > 0) & (missing < 2**31)
     if gaps.any():
         notice(f"{path}: {int(missing[gaps].sum())} samples lost in {int(gaps.sum())} gaps")

@@ -93,7 +93,7 @@ def read_setup(path: Path) -> Setup:
     return setup_from_tables(load_toml(path), path)
 
 
-def setup_from_tables(tables: dict[str, Any], path: Path) -> Setup:
+def setup_from_tables(tables: dict[str, Any], path: Path, *, prefix: str = "") -> Setup:
     """The `Setup` that the tables of `path` describe; a URDF is looked for beside `path`.
 
     Raises:
@@ -103,7 +103,7 @@ def setup_from_tables(tables: dict[str, Any], path: Path) -> Setup:
     if isinstance(written, str) and written != FORMAT:
         remedy = f'this version reads format = "{FORMAT}"; convert the study or use another version of impid'
         raise InputError(path, f'has format = "{written}"', remedy)
-    checked = validate(_SetupFile, tables, path)
+    checked = validate(_SetupFile, tables, path, prefix=prefix)
     robot = RobotSetup(
         model=checked.robot.model,
         link_lengths_m=tuple(checked.robot.link_lengths_m),

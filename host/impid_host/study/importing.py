@@ -1,0 +1,198 @@
+"""Foreign logs into a study: each trial of the mapping picks a log, its columns, and its rows."""
+
+import re
+from collections.abc import Mapping as Columns
+from collections.abc import Sequence
+from dataclasses import dataclass
+from fnmatch import fnmatchcase
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from impid_host.errors import InputError
+from impid_host.study.expressions import ExpressionError, evaluate
+from impid_host.study.foreign_log import ForeignLog, open_log
+from impid_host.study.mapping import ColumnRule, Mapping, TrialRule, read_mapping
+from impid_host.study.model import Floats, RobotLog, Study, Trial
+from impid_host.study.notices import notice
+from impid_host.study.robot_log import robot_log
+from impid_host.study.trial_file import head_from_table
+
+_MAY_BE_NAN = ("fx", "fy", "fdx", "fdy")
+
+
+@dataclass(frozen=True, slots=True)
+class _Picked:
+    """Columns of `robot.csv` taken from a log; `kept` holds the index of each row in the log, shape (N,)."""
+
+    log: ForeignLog
+    columns: Columns[str, NDArray[np.generic]]
+    kept: NDArray[np.intp]
+
+    @property
+    def path(self) -> Path:
+        return self.log.path
+
+    def row(self, index: int) -> int:
+        return self.log.row(int(self.kept[index]))
+
+
+def import_logs(logs: Sequence[Path], mapping_path: Path, name: str) -> Study:
+    """The study that the mapping makes of the logs.
+
+    Values are taken as they are, times unit and scale; nothing is resampled or filtered.
+
+    Raises:
+        InputError: mapping or log cannot be used as it is; names file, key or row, and remedy.
+    """
+    mapping = read_mapping(mapping_path)
+    trials: dict[str, Trial] = {}
+    used: set[Path] = set()
+    for index, rule in enumerate(mapping.trials):
+        for log in _logs_of(rule, logs, mapping.path, index):
+            trial = _import_trial(log, rule, mapping, index)
+            if trial.name in trials:
+                remedy = "give each [[trial]] its own name"
+                raise InputError(mapping.path, f"two trials are called {trial.name}", remedy)
+            trials[trial.name] = trial
+            used.add(log)
+    for log in logs:
+        if log not in used:
+            notice(f"{log}: no [[trial]] of {mapping.path} takes this file; it was not imported")
+    return Study(name=name, setup=mapping.setup, trials=tuple(trials[key] for key in sorted(trials)))
+
+
+def _logs_of(rule: TrialRule, logs: Sequence[Path], mapping_path: Path, index: int) -> list[Path]:
+    if rule.file is None:
+        if len(logs) == 1:
+            return [logs[0]]
+        remedy = 'say which of the logs it takes: file = "name.csv" or a pattern such as "*.csv"'
+        raise InputError(mapping_path, f"key `trial[{index}].file` is missing", remedy)
+    matching = [log for log in logs if fnmatchcase(log.name, rule.file)]
+    if not matching:
+        given = ", ".join(log.name for log in logs[:10])
+        raise InputError(
+            mapping_path, f"trial[{index}] takes {rule.file}, but the logs given are {given}", "add it"
+        )
+    return matching
+
+
+def _import_trial(path: Path, rule: TrialRule, mapping: Mapping, index: int) -> Trial:
+    name = (rule.name or "{stem}").replace("{stem}", re.sub(r"[^A-Za-z0-9_.+-]+", "_", path.stem).lstrip("."))
+    if not name or Path(name).name != name or "\0" in name or name.startswith("."):
+        raise InputError(
+            mapping.path, f"trial[{index}]: {name!r} cannot name a folder", "use a name such as free_01"
+        )
+    head = head_from_table(rule.head, mapping.path, name, prefix=f"trial[{index}]")
+    log = _robot_log(open_log(path, mapping.file_format, mapping.dialect), rule, mapping)
+    return Trial(
+        name=name,
+        kind=head.kind,
+        load=head.load,
+        robot=log,
+        on=head.on,
+        payload_kg=head.payload_kg,
+        note=head.note,
+    )
+
+
+def _robot_log(log: ForeignLog, rule: TrialRule, mapping: Mapping) -> RobotLog:
+    values = {name: _values(log, name, column, mapping.path) for name, column in rule.columns.items()}
+    length = _common_length(log, values, rule)
+    if mapping.rate_hz is not None and "t" not in values:
+        values["t"] = np.arange(length) / mapping.rate_hz
+    columns = {name: np.broadcast_to(column, (length,)) for name, column in values.items()}
+    kept = _rows_in_range(log, columns["t"], rule)
+    kept = kept[_complete(log, columns, kept, drop=mapping.drop_incomplete_rows)]
+    picked: dict[str, NDArray[np.generic]] = {name: column[kept] for name, column in columns.items()}
+    if "sync" in picked:
+        picked["sync"] = _levels(log, columns["sync"], kept)
+    return robot_log(_Picked(log, picked, kept), mapping.joints)
+
+
+def _values(log: ForeignLog, name: str, rule: ColumnRule, mapping_path: Path) -> Floats:
+    def column(source: str) -> Floats:
+        if source not in log.names():
+            there = log.names()
+            shown = ", ".join(there[:40]) + (", ..." if len(there) > 40 else "")
+            what = (
+                f"has no column {source}, which {mapping_path} names for {name} (it has: {shown or 'none'})"
+            )
+            raise InputError(log.path, what, "correct the name in the mapping")
+        return log.column(source)
+
+    if not rule.is_expression:
+        return column(rule.source) * rule.factor
+    try:
+        return evaluate(rule.source, column) * rule.factor
+    except ExpressionError as error:
+        what = f"key `columns.{name}.expression`: {rule.source[:80]!r} {error}"
+        raise InputError(
+            mapping_path, what, "correct the expression (docs/import.md lists what it may use)"
+        ) from None
+
+
+def _common_length(log: ForeignLog, values: Columns[str, Floats], rule: TrialRule) -> int:
+    """How many rows the columns have.
+
+    Raises:
+        InputError: no rows, or columns of different length.
+    """
+    lengths = {name: len(column) for name, column in values.items() if column.ndim == 1}
+    if not lengths or min(lengths.values()) == 0:
+        raise InputError(log.path, "has no rows", "the log was never filled; record it again")
+    if len(set(lengths.values())) > 1:
+        told = ", ".join(f"{name} ({rule.columns[name].source}) {length}" for name, length in lengths.items())
+        raise InputError(log.path, f"has columns of different length: {told}", "map columns of one recording")
+    return next(iter(lengths.values()))
+
+
+def _rows_in_range(log: ForeignLog, t: Floats, rule: TrialRule) -> NDArray[np.intp]:
+    """Indices of the rows with start_s <= t < stop_s; all of them where no range is given, shape (N,)."""
+    if rule.start_s is None and rule.stop_s is None:
+        return np.arange(len(t))
+    start = -np.inf if rule.start_s is None else rule.start_s
+    stop = np.inf if rule.stop_s is None else rule.stop_s
+    kept = np.flatnonzero((t >= start) & (t < stop))
+    if len(kept) == 0:
+        covers = f"it covers {np.nanmin(t):g} s to {np.nanmax(t):g} s"
+        what = f"has no rows between {start:g} s and {stop:g} s; {covers}"
+        raise InputError(log.path, what, "correct start_s and stop_s")
+    return kept
+
+
+def _complete(
+    log: ForeignLog, columns: Columns[str, Floats], kept: NDArray[np.intp], *, drop: bool
+) -> NDArray[np.bool_]:
+    """Which of the kept rows have a number in every column that needs one, shape (N,).
+
+    Raises:
+        InputError: a row has none and rows may not be dropped.
+    """
+    complete = np.ones(len(kept), dtype=bool)
+    for name, column in columns.items():
+        if name in _MAY_BE_NAN:
+            continue
+        bad = np.isnan(column[kept])
+        if bad.any() and not drop:
+            row = log.row(int(kept[int(np.argmax(bad))]))
+            what = f"{name} is empty or NaN in {int(bad.sum())} rows, first"
+            remedy = "set drop_incomplete_rows = true in [log], or limit the trial with start_s and stop_s"
+            raise InputError(log.path, what, remedy, row=row)
+        complete &= ~bad
+    if not complete.any():
+        raise InputError(log.path, "has no complete row", "check which columns the mapping takes")
+    if not complete.all():
+        notice(f"{log.path}: {int((~complete).sum())} incomplete rows left out")
+    return complete
+
+
+def _levels(log: ForeignLog, column: Floats, kept: NDArray[np.intp]) -> NDArray[np.uint8]:
+    wrong = (column[kept] != 0.0) & (column[kept] != 1.0)
+    if wrong.any():
+        row = log.row(int(kept[int(np.argmax(wrong))]))
+        raise InputError(
+            log.path, "sync is neither 0 nor 1", 'use an expression such as "sync_V > 1.5"', row=row
+        )
+    return column[kept].astype(np.uint8)

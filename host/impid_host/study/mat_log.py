@@ -1,0 +1,182 @@
+"""MATLAB files: version 5 through scipy, version 7.3 (which is HDF5) through h5py.
+
+Only real numeric arrays are taken, by name, after their claimed size was checked. Cells, objects, function
+handles and links out of the file are not followed. A field of a structure is named `structure.field`; the
+columns of a matrix are named `matrix[1]`, `matrix[2]`, ... along its shorter side.
+"""
+
+import itertools
+import warnings
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import scipy.io
+from numpy.typing import NDArray
+
+from impid_host.errors import InputError
+
+MAX_FILE_BYTES = 1 << 30
+MAX_ARRAY_BYTES = 1 << 30
+MAX_MATRIX_COLUMNS = 256
+_MAX_ENTRIES = 10_000
+_NUMERIC_CLASSES = (
+    "double", "single", "int8", "int16", "int32", "int64", "uint8", "uint16", "uint32", "uint64", "logical"
+)  # fmt: skip
+
+
+def _columns_of(name: str, shape: tuple[int, ...]) -> list[str]:
+    """The columns that an array of this shape gives, by name; none where it is no vector or narrow matrix."""
+    sides = [side for side in shape if side != 1]
+    if len(sides) <= 1:
+        return [name]
+    if len(sides) == 2 and min(sides) <= MAX_MATRIX_COLUMNS:
+        return [f"{name}[{i + 1}]" for i in range(min(sides))]
+    return []
+
+
+def _pick(array: NDArray[Any], index: int | None) -> NDArray[np.float64]:
+    matrix = np.squeeze(array)
+    if index is None:
+        return np.atleast_1d(matrix).astype(np.float64)
+    return (matrix[:, index] if matrix.shape[0] >= matrix.shape[1] else matrix[index]).astype(np.float64)
+
+
+def _too_large(path: Path, name: str) -> InputError:
+    return InputError(path, f"variable {name} claims more than one trial can hold", "cut the log into trials")
+
+
+def _split(name: str) -> tuple[str, int | None]:
+    if name.endswith("]") and "[" in name:
+        variable, _, index = name[:-1].rpartition("[")
+        return variable, int(index) - 1
+    return name, None
+
+
+class MatLog:
+    """A MATLAB file of version 4 to 7."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        if path.stat().st_size > MAX_FILE_BYTES:
+            raise InputError(path, "is larger than 1 GiB", "cut the log into trials")
+        self._structures: dict[str, NDArray[Any]] = {}
+        self._names: list[str] = []
+        for name, shape, kind in self._guarded(lambda: scipy.io.whosmat(path)):
+            if kind in _NUMERIC_CLASSES and np.prod(shape, dtype=float) * 8 > MAX_ARRAY_BYTES:
+                raise _too_large(path, name)
+            if kind in _NUMERIC_CLASSES:
+                self._names += _columns_of(name, shape)
+            elif kind == "struct" and np.prod(shape, dtype=float) == 1:
+                self._add_structure(name)
+
+    def names(self) -> list[str]:
+        return self._names
+
+    def column(self, name: str) -> NDArray[np.float64]:
+        variable, index = _split(name)
+        if variable in self._structures:
+            return _pick(self._structures[variable], index)
+        return _pick(self._load(variable), index)
+
+    def row(self, index: int) -> int:
+        return index + 1
+
+    def _add_structure(self, name: str) -> None:
+        record = self._load(name)
+        if record.dtype.names is None or record.size != 1:
+            return
+        for field in record.dtype.names:
+            value = record[field].item()
+            if isinstance(value, np.ndarray) and value.dtype.kind in "iufb":
+                self._structures[f"{name}.{field}"] = value
+                self._names += _columns_of(f"{name}.{field}", value.shape)
+
+    def _load(self, name: str) -> NDArray[Any]:
+        array = self._guarded(lambda: scipy.io.loadmat(self.path, variable_names=[name])[name])
+        if not isinstance(array, np.ndarray) or (
+            array.dtype.kind not in "iufb" and array.dtype.names is None
+        ):
+            raise InputError(self.path, f"variable {name} holds no real numbers", "map another variable")
+        return array
+
+    def _guarded(self, read: Any) -> Any:
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")
+                return read()
+        except InputError:
+            raise
+        except Exception as error:  # the reader lets through whatever a broken file provokes
+            reason = (str(error).splitlines() or [type(error).__name__])[0][:120]
+            remedy = "check it, or save it again with -v7 or -v7.3"
+            raise InputError(self.path, f"is no readable MATLAB file ({reason})", remedy) from None
+
+
+class Hdf5Log:
+    """A MATLAB file of version 7.3, or any HDF5 file; a dataset in a group is named `group.dataset`."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._datasets: dict[str, str] = {}
+        self._names: list[str] = []
+        self._seen: set[int] = set()
+        with self._opened() as file:
+            self._collect(file, "", 0)
+
+    def names(self) -> list[str]:
+        return self._names
+
+    def column(self, name: str) -> NDArray[np.float64]:
+        variable, index = _split(name)
+        with self._opened() as file:
+            try:
+                return _pick(file[self._datasets[variable]][()], index)
+            except (OSError, ValueError, KeyError, RuntimeError, MemoryError) as error:
+                reason = (str(error).splitlines() or [""])[0][:120]
+                raise InputError(
+                    self.path, f"variable {name} cannot be read ({reason})", "save it again"
+                ) from None
+
+    def row(self, index: int) -> int:
+        return index + 1
+
+    def _opened(self) -> Any:
+        try:
+            return h5py.File(self.path, "r")
+        except (OSError, ValueError, RuntimeError) as error:
+            reason = (str(error).splitlines() or [""])[0][:120]
+            remedy = "check it, or save it again with -v7.3"
+            raise InputError(self.path, f"is no readable MATLAB 7.3 (HDF5) file ({reason})", remedy) from None
+
+    def _collect(self, group: Any, prefix: str, depth: int) -> None:
+        """Note the numeric datasets under `group`, following only links that stay inside the file."""
+        # A group may be linked into itself; each is visited once.
+        address = h5py.h5o.get_info(group.id).addr
+        if address in self._seen or len(self._seen) > _MAX_ENTRIES:
+            return
+        self._seen.add(address)
+        try:
+            for name in itertools.islice(group, _MAX_ENTRIES):
+                if name.startswith("#") or not isinstance(group.get(name, getlink=True), h5py.HardLink):
+                    continue
+                item = group.get(name)
+                dotted = f"{prefix}{name}"
+                if isinstance(item, h5py.Group) and depth < 4:
+                    self._collect(item, f"{dotted}.", depth + 1)
+                elif isinstance(item, h5py.Dataset) and self._is_numeric(item):
+                    self._datasets[dotted] = item.name
+                    self._names += _columns_of(dotted, item.shape)
+        except (OSError, ValueError, KeyError, RuntimeError, TypeError) as error:
+            reason = (str(error).splitlines() or [""])[0][:120]
+            raise InputError(self.path, f"is a damaged HDF5 file ({reason})", "save it again") from None
+
+    def _is_numeric(self, item: Any) -> bool:
+        if item.shape is None or item.dtype.kind not in "iufb" or item.is_virtual or item.external:
+            return False
+        if item.attrs.get("MATLAB_empty", 0):
+            return False
+        if np.prod(item.shape, dtype=float) * 8 > MAX_ARRAY_BYTES:
+            raise _too_large(self.path, str(item.name))
+        return True

@@ -1,0 +1,55 @@
+"""Units of a log's columns: which dimension each column of `robot.csv` has, and the factor to SI."""
+
+from functools import cache
+
+import pint
+
+from impid_host.study.model import RobotModelName
+
+_NAMES = {"s": "a time", "rad": "an angle", "m": "a length", "N": "a force", "N*m": "a torque"}
+
+
+class UnitError(ValueError):
+    """The unit is unknown or of another dimension; the message says which was expected."""
+
+
+def si_unit(column: str, model: RobotModelName) -> str:
+    """The SI unit of a column of `robot.csv` under a robot model ("" for `sync`)."""
+    if column == "t":
+        return "s"
+    if column == "sync":
+        return ""
+    if column.startswith("theta"):
+        return "m" if model == "slide-1d" else "rad"
+    if column.startswith("tau"):
+        return "N" if model == "slide-1d" else "N*m"
+    return "N"
+
+
+def factor_to_si(unit: str, target: str) -> float:
+    """What a value in `unit` is multiplied by to be in the SI unit `target`.
+
+    Raises:
+        UnitError: `unit` is unknown, has another dimension than `target`, or an offset (as degC has).
+    """
+    wanted = f"{_NAMES.get(target, 'a plain number')} such as {target or '1'} was expected"
+    try:
+        one = _registry().Quantity(1.0, unit or "dimensionless")
+        zero = _registry().Quantity(0.0, unit or "dimensionless").to(target or "dimensionless")
+        factor = float(one.to(target or "dimensionless").magnitude)
+        is_angle = str(one.to_root_units().units) == "radian"
+    except pint.DimensionalityError:
+        raise UnitError(f'unit "{unit}" has another dimension; {wanted}') from None
+    except Exception:  # the unit parser raises whatever its tokenizer stumbles over
+        raise UnitError(f'unit "{unit[:40]}" is not known; {wanted}') from None
+    if target == "rad" and not is_angle:
+        # To pint an angle is a plain number, but a count is none until somebody says how many make a turn.
+        raise UnitError(f'unit "{unit}" is no angle; {wanted}')
+    if zero.magnitude != 0.0:
+        raise UnitError(f'unit "{unit}" has an offset; {wanted}')
+    return factor
+
+
+@cache
+def _registry() -> "pint.UnitRegistry[float]":
+    return pint.UnitRegistry()
