@@ -37,8 +37,10 @@ def header(taps: np.ndarray) -> str:
             "/* Written by scripts/design_decimator.py: change the design there.",
             " *",
             f" * Equiripple low-pass, {TAPS} taps at {RATE_HZ} Hz, symmetric, gain at DC exactly 1",
-            f" * (sum 2^{SCALE_BITS}); {pass_db:.3f} dB at {PASS_HZ} Hz, {stop_db:.1f} dB at {STOP_HZ} Hz and less above.",
+            f" * (sum 2^{SCALE_BITS}); {pass_db:.3f} dB at {PASS_HZ} Hz,",
+            f" * {stop_db:.1f} dB at {STOP_HZ} Hz and less above.",
             " */",
+            "/* clang-format off */",
             "#ifndef IMPID_DECIMATOR_TAPS_H",
             "#define IMPID_DECIMATOR_TAPS_H",
             "",
@@ -53,7 +55,7 @@ def header(taps: np.ndarray) -> str:
     )
 
 
-def main() -> int:
+def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--check", action="store_true", help="fail where the committed taps differ")
     check = parser.parse_args().check
@@ -61,10 +63,8 @@ def main() -> int:
     if not check:
         HEADER.write_text(text)
     elif not HEADER.is_file() or HEADER.read_text() != text:
-        print(f"{HEADER.name} differs from its design: run {Path(__file__).name}")
-        return 1
-    return 0
+        sys.exit(f"{HEADER.name} differs from its design: run {Path(__file__).name}")
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    main()

@@ -40,19 +40,19 @@ def differing(sources: dict[str, str]) -> list[str]:
     ]
 
 
-def main() -> int:
+def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--check", action="store_true", help="fail where the committed code differs")
     check = parser.parse_args().check
     sources = generate()
-    if check:
-        for name in (stale := differing(sources)):
-            print(f"firmware/generated/{name} differs from protocol/impid.dbc: run {Path(__file__).name}")
-        return 1 if stale else 0
-    for name, text in sources.items():
-        (GENERATED / name).write_text(text)
-    return 0
+    if not check:
+        for name, text in sources.items():
+            (GENERATED / name).write_text(text)
+    elif stale := differing(sources):
+        sys.exit(
+            f"{', '.join(stale)} in firmware/generated differs from protocol/impid.dbc: run {sys.argv[0]}"
+        )
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    main()
