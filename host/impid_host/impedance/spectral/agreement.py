@@ -52,7 +52,9 @@ def agreement(
     """
     band = frequency_Hz <= upper_Hz
     if not np.any(band):
-        raise UndeterminedError(f"no frequency between the resolution and {upper_Hz:g} Hz; use a longer window")
+        raise UndeterminedError(
+            f"no frequency between the resolution and {upper_Hz:g} Hz; use a longer window"
+        )
     Z_e, Z_m, gamma2 = Z_e[band], Z_m[band], gamma2[band]
     gain_difference, phase_difference = weighted_differences(Z_e, Z_m, gamma2)
     psi_z = np.sum(gain_difference**2 + phase_difference**2, axis=0)

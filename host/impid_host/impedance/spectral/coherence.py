@@ -1,7 +1,7 @@
 """Partial and multiple coherence for any number of inputs and outputs.
 
-Source: J. S. Bendat and A. G. Piersol, Random Data, ch. 7 (conditioned spectra); [P] Sec. II-B and II-E for the
-coherences of the derived estimate, which take over the direct estimate's noise spectrum.
+Source: J. S. Bendat and A. G. Piersol, Random Data, ch. 7 (conditioned spectra); [P] Sec. II-B and II-E for
+the coherences of the derived estimate, which take over the direct estimate's noise spectrum.
 
 Both coherences are ratios of explained to total power, so one pair of functions serves both estimates: with
 the least-squares H they reduce to the textbook definitions.
@@ -53,7 +53,7 @@ def partial_coherence(H: Complexes, S_uu: Complexes, S_noise: Complexes) -> Floa
 
 
 def multiple_coherence(H: Complexes, S_uu: Complexes, S_noise: Complexes) -> Floats:
-    """gamma^2 between output i and all inputs together, values in 0..1, shape (n_f, n_y). Arguments as above."""
+    """gamma^2 between output i and all inputs together, in 0..1, shape (n_f, n_y). Arguments as above."""
     H_h = np.conj(np.swapaxes(H, 1, 2))
     explained = np.clip(np.diagonal(H @ S_uu @ H_h, axis1=1, axis2=2).real, 0.0, None)
     noise = np.clip(np.diagonal(S_noise, axis1=1, axis2=2).real, 0.0, None)

@@ -11,7 +11,11 @@ import numpy as np
 from impid_host.errors import UndeterminedError
 from impid_host.impedance.spectral.agreement import Agreement, agreement
 from impid_host.impedance.spectral.arrays import Complexes, Floats
-from impid_host.impedance.spectral.coherence import multiple_coherence, partial_coherence, zero_coherence_level
+from impid_host.impedance.spectral.coherence import (
+    multiple_coherence,
+    partial_coherence,
+    zero_coherence_level,
+)
 from impid_host.impedance.spectral.frequency_response import (
     derived_response,
     direct_response,
@@ -45,8 +49,8 @@ class TrialSignals:
     """One stochastic trial on a uniform grid.
 
     Attributes:
-        force: F, force of the robot on the arm or load (N), shape (N, n): the negative of a study's fx, fy; from a
-            force sensor or from the virtual one.
+        force: F, force of the robot on the arm or load (N), shape (N, n): the negative of a study's
+            fx, fy; from a force sensor or from the virtual one.
         displacement: d, position of the end-effector (m), shape (N, n).
         perturbation: F_delta, commanded perturbation (N), shape (N, n), or None where it was not logged.
     """
@@ -58,7 +62,9 @@ class TrialSignals:
     def __post_init__(self) -> None:
         for name, signal in (("displacement", self.displacement), ("perturbation", self.perturbation)):
             if signal is not None and signal.shape != self.force.shape:
-                raise ValueError(f"{name} has shape {signal.shape}, force {self.force.shape}; they must agree")
+                raise ValueError(
+                    f"{name} has shape {signal.shape}, force {self.force.shape}; they must agree"
+                )
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,7 +129,8 @@ class SpectralEstimate:
 
     def __str__(self) -> str:
         lines = [
-            f"{self.segments} segments of {self.setting.n_window} samples, worth {self.averages:.1f} independent averages"
+            f"{self.segments} segments of {self.setting.n_window} samples, "
+            f"worth {self.averages:.1f} independent averages"
         ]
         for name, response in (("direct", self.direct), ("derived", self.derived)):
             if response is not None:
@@ -135,11 +142,12 @@ class SpectralEstimate:
 
 @dataclass(frozen=True, slots=True)
 class _Spectra:
-    """Pooled cross-spectra of displacement, force and instrument, each shape (n_f, n, n)."""
+    """Pooled spectra of displacement, force and what the direct estimate leaves, (n_f, n, n) each."""
 
     dd: Complexes
     dF: Complexes
     FF: Complexes
+    noise: Complexes
 
 
 def estimate_spectral(
@@ -167,7 +175,6 @@ def estimate_spectral(
     frequency, S_dd = _pooled(trials, "displacement", "displacement", fs, setting)
     _, S_dF = _pooled(trials, "displacement", "force", fs, setting)
     _, S_FF = _pooled(trials, "force", "force", fs, setting)
-    spectra = _Spectra(S_dd, S_dF, S_FF)
     segments = sum(setting.segments(len(t.force)) for t in trials)
     averages = sum(independent_averages(setting, len(t.force)) for t in trials)
     band = (frequency >= setting.resolution_Hz(fs) * (1 - 1e-9)) & (frequency <= fit_upper_Hz)
@@ -177,8 +184,8 @@ def estimate_spectral(
     )
 
     C = direct_response(S_dF, S_FF)
-    noise = noise_spectrum(C, S_dd, S_dF, S_FF)
-    direct = _response(context, spectra, C, noise, S_FF, S_FF)
+    spectra = _Spectra(S_dd, S_dF, S_FF, noise_spectrum(C, S_dd, S_dF, S_FF))
+    direct = _response(context, spectra, C, S_FF, S_FF)
     derived, T, R = None, None, None
     if all(t.perturbation is not None for t in trials):
         _, S_pp = _pooled(trials, "perturbation", "perturbation", fs, setting)
@@ -186,7 +193,7 @@ def estimate_spectral(
         _, S_Fp = _pooled(trials, "force", "perturbation", fs, setting)
         R, T = direct_response(S_dp, S_pp), direct_response(S_Fp, S_pp)
         # Below the resolution the removed means leave next to nothing of T; C_der is not looked at there.
-        derived = _response(context, spectra, derived_response(R, T), noise, S_Fp, S_pp)
+        derived = _response(context, spectra, derived_response(R, T), S_Fp, S_pp)
     return SpectralEstimate(
         frequency,
         band,
@@ -229,12 +236,12 @@ def _pooled(
 
 
 def _response(
-    context: _Context, spectra: _Spectra, C: Complexes, noise: Complexes, S_Fw: Complexes, S_ww: Complexes
+    context: _Context, spectra: _Spectra, C: Complexes, S_Fw: Complexes, S_ww: Complexes
 ) -> ResponseEstimate:
     """Coherences, errors and fit of C = S_dw S_Fw^-1 with instrument w."""
     n = C.shape[1]
     band, frequency = context.band, context.frequency[context.band]
-    partial = partial_coherence(C, spectra.FF, noise)
+    partial = partial_coherence(C, spectra.FF, spectra.noise)
     Z = impedance(frequency, C[band])
     degrees = max(context.averages - n, np.finfo(float).eps)
     residual = noise_spectrum(C[band], spectra.dd[band], spectra.dF[band], spectra.FF[band])
@@ -247,11 +254,15 @@ def _response(
         error_factor=impedance_error_factor(frequency, Z, left, right),
         error_correlation=context.correlation,
     )
-    model = fit.impedance(frequency) if context.expected is None else second_order_impedance(frequency, *context.expected)
+    model = (
+        fit.impedance(frequency)
+        if context.expected is None
+        else second_order_impedance(frequency, *context.expected)
+    )
     return ResponseEstimate(
         C,
         partial,
-        multiple_coherence(C, spectra.FF, noise),
+        multiple_coherence(C, spectra.FF, spectra.noise),
         random_error(partial, context.averages, n),
         Z,
         fit,
@@ -271,18 +282,20 @@ def _input_coherence(S_FF: Complexes) -> Floats:
     if S_FF.shape[1] < 2:
         return np.zeros(len(S_FF))
     power = (S_FF[:, 0, 0] * S_FF[:, 1, 1]).real
-    return np.divide(np.abs(S_FF[:, 0, 1]) ** 2, power, out=np.zeros_like(power), where=power > 0)
+    return np.asarray(np.divide(np.abs(S_FF[:, 0, 1]) ** 2, power, out=np.zeros_like(power), where=power > 0))
 
 
 def _checks(
     trials: Sequence[TrialSignals], fs: float
 ) -> tuple[StationarityCheck | NormalityCheck | RepeatabilityCheck, ...]:
-    """Stationarity and normality of the force (all trials beside each other), repeatability of force and motion."""
+    """Stationarity and normality of the force in every trial, repeatability of force and motion."""
     n = trials[0].force.shape[1]
     axes = ("x", "y", "z")[:n] if n <= 3 else tuple(str(i + 1) for i in range(n))
     samples = min(len(t.force) for t in trials)
     several = len(trials) > 1
-    names = tuple(f"F_{a} of trial {k + 1}" if several else f"F_{a}" for k in range(len(trials)) for a in axes)
+    names = tuple(
+        f"F_{a} of trial {k + 1}" if several else f"F_{a}" for k in range(len(trials)) for a in axes
+    )
     forces = np.concatenate([t.force[:samples] for t in trials], axis=1)
     checks: list[StationarityCheck | NormalityCheck | RepeatabilityCheck] = [
         stationarity(forces, fs, names),

@@ -1,7 +1,8 @@
 """Are the instantaneous values normally distributed, as linear random-data methods like them?
 
 Source: [P] Sec. IV, which reads a normal probability plot between the probabilities 0.05 and 0.95. Samples at
-500 Hz of a signal of a few hertz repeat each other, so the test runs on samples far enough apart to be independent.
+500 Hz of a signal of a few hertz repeat each other, so the test runs on samples far enough apart to be
+independent.
 """
 
 from dataclasses import dataclass
@@ -42,7 +43,8 @@ class NormalityCheck:
     def verdict(self) -> str:
         """One sentence for the lab book."""
         if self.holds is None:
-            return f"cannot tell: the record is worth {self.independent_samples.min():.0f} independent values; record longer"
+            fewest = self.independent_samples.min()
+            return f"cannot tell: the record is worth {fewest:.0f} independent values; record longer"
         if self.holds:
             return (
                 f"values are normal within {self.largest_deviation.max():.2f} standard deviations between "
@@ -50,8 +52,9 @@ class NormalityCheck:
             )
         worst = int(np.nanargmin(self.p_value))
         return (
-            f"{self.names[worst]} is not normally distributed (p = {self.p_value[worst]:.2g}, quantiles off by up to "
-            f"{self.largest_deviation[worst]:.2f} standard deviations): look for saturation, stops or friction"
+            f"{self.names[worst]} is not normally distributed (p = {self.p_value[worst]:.2g}, quantiles off "
+            f"by up to {self.largest_deviation[worst]:.2f} standard deviations): look for saturation, "
+            "stops or friction"
         )
 
     def __str__(self) -> str:
@@ -70,7 +73,9 @@ def normality(signals: Floats, fs: float, names: tuple[str, ...], level: float =
         step = max(1, round(power_correlation_time_s(column, fs) * fs))
         independent = z[::step]
         count.append(len(independent))
-        p_value.append(scipy.stats.normaltest(independent).pvalue if len(independent) >= FEWEST_SAMPLES else np.nan)
+        p_value.append(
+            scipy.stats.normaltest(independent).pvalue if len(independent) >= FEWEST_SAMPLES else np.nan
+        )
     p_values = np.array(p_value, dtype=np.float64)
     holds = None if np.any(np.isnan(p_values)) else bool(np.min(p_values) * len(names) >= level)
     return NormalityCheck(

@@ -1,6 +1,7 @@
 """Do trials with the same perturbation give the same forces and displacements?
 
-Source: [P] Sec. IV: mean of the squared correlation coefficients over all pairs of trials (0.95 to 0.98 there).
+Source: [P] Sec. IV: mean of the squared correlation coefficients over all pairs of trials (0.95 to 0.98
+there).
 """
 
 from dataclasses import dataclass
@@ -41,8 +42,8 @@ class RepeatabilityCheck:
         worst = int(np.argmin(self.r_squared.min(axis=1)))
         first, second = self.pairs[worst]
         return (
-            f"trials differ (mean R² {listed}), most of all trials {first + 1} and {second + 1}: other perturbations "
-            "were used, the subject acted, or the posture moved"
+            f"trials differ (mean R² {listed}), most of all trials {first + 1} and {second + 1}: other "
+            "perturbations were used, the subject acted, or the posture moved"
         )
 
     def __str__(self) -> str:

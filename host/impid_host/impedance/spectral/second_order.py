@@ -46,7 +46,9 @@ class SecondOrderFit:
         return second_order_impedance(frequency_Hz, self.M, self.B, self.K)
 
     def __str__(self) -> str:
-        lines = [f"second-order fit, {self.band_Hz[0]:.2f} to {self.band_Hz[1]:.2f} Hz (value ± 95 % interval)"]
+        lines = [
+            f"second-order fit, {self.band_Hz[0]:.2f} to {self.band_Hz[1]:.2f} Hz (value ± 95 % interval)"
+        ]
         for name, unit, value, sd in (
             ("M", "kg", self.M, self.M_sd),
             ("B", "N s/m", self.B, self.B_sd),
@@ -121,33 +123,29 @@ def fit_second_order(
             "widen the band, record longer or shake harder"
         )
     weight = np.where(usable, gamma2, 0.0)
-    start = _linear_start(frequency_Hz, Z, weight)
-
-    def residual(parameters: Floats) -> Floats:
-        gain, phase = weighted_differences(Z, _model(frequency_Hz, parameters, n), weight)
-        return np.concatenate([gain.ravel(), phase.ravel()])
-
-    def jacobian(parameters: Floats) -> Floats:
-        return _jacobian(frequency_Hz, parameters, weight)
-
-    scale = _natural_scale(frequency_Hz, Z, n)
-    solution = scipy.optimize.least_squares(
-        residual, start, jac=jacobian, x_scale=scale, method="trf", xtol=1e-14, ftol=1e-14, gtol=1e-14
-    )
+    parameters = np.zeros((3, n, n))
+    influence = np.zeros((3, 2, len(frequency_Hz), n, n))
+    # Each element of Z depends on its own three parameters only, so the one problem falls apart into n^2.
+    for i in range(n):
+        for j in range(n):
+            element = _fit_element(frequency_Hz, Z[:, i, j], weight[:, i, j], negligible_gain(Z))
+            parameters[:, i, j], influence[..., i, j] = element
     covariance = None
-    sd = np.full(3 * n * n, np.nan)
+    sd = np.full((3, n, n), np.nan)
     if error_factor is not None:
         correlation = np.eye(len(frequency_Hz)) if error_correlation is None else error_correlation
-        covariance = _sandwich(np.asarray(solution.jac), Z, weight, error_factor, correlation)
-        sd = np.sqrt(np.diag(covariance))
-    M, B, K = solution.x.reshape(3, n, n)
-    M_sd, B_sd, K_sd = sd.reshape(3, n, n)
-    return SecondOrderFit(
-        M, B, K, M_sd, B_sd, K_sd, covariance, 2.0 * float(solution.cost), (frequency_Hz[0], frequency_Hz[-1])
-    )
+        covariance = _sandwich(influence, Z, weight, error_factor, correlation)
+        sd = np.sqrt(np.diag(covariance)).reshape(3, n, n)
+    gain, phase = weighted_differences(Z, second_order_impedance(frequency_Hz, *parameters), weight)
+    cost = float(np.sum(gain**2) + np.sum(phase**2))
+    band = (float(frequency_Hz[0]), float(frequency_Hz[-1]))
+    (M, B, K), (M_sd, B_sd, K_sd) = parameters, sd
+    return SecondOrderFit(M, B, K, M_sd, B_sd, K_sd, covariance, cost, band)
 
 
-def impedance_error_factor(frequency_Hz: Floats, Z: Complexes, left: Complexes, right: Complexes) -> Complexes:
+def impedance_error_factor(
+    frequency_Hz: Floats, Z: Complexes, left: Complexes, right: Complexes
+) -> Complexes:
     """Carry the error of C over to Z = (j w C)^-1: dZ = -Z (j w dC) Z, with dC = left z right.
 
     Args:
@@ -163,61 +161,67 @@ def impedance_error_factor(frequency_Hz: Floats, Z: Complexes, left: Complexes, 
     return np.asarray(-np.einsum("fia,fbj->fijab", jw * Z @ left, right @ Z))
 
 
-def _model(frequency_Hz: Floats, parameters: Floats, n: int) -> Complexes:
-    M, B, K = parameters.reshape(3, n, n)
-    return second_order_impedance(frequency_Hz, M, B, K)
+def _fit_element(frequency_Hz: Floats, z: Complexes, weight: Floats, floor: float) -> tuple[Floats, Floats]:
+    """One element's (m, b, k), shape (3,), and how its errors move them, shape (3, 2, n_f).
 
+    Args:
+        frequency_Hz: shape (n_f,).
+        z: the element (N s/m), shape (n_f,).
+        weight: shape (n_f,).
+        floor: gain (N s/m) that counts as zero.
 
-def _linear_start(frequency_Hz: Floats, Z: Complexes, weight: Floats) -> Floats:
-    """Least squares on Z itself, relative to its size: linear in the parameters, so it needs no start."""
-    n = Z.shape[1]
-    omega = 2 * np.pi * frequency_Hz
-    start = np.zeros((3, n, n))
-    for i in range(n):
-        for j in range(n):
-            size = np.abs(Z[:, i, j])
-            w = np.divide(weight[:, i, j], size, out=np.zeros_like(size), where=size > 0)
-            reactive = np.stack([w * omega, -w / omega], axis=1)
-            start[[0, 2], i, j] = np.linalg.lstsq(reactive, w * Z[:, i, j].imag, rcond=None)[0]
-            start[1, i, j] = np.sum(w**2 * Z[:, i, j].real) / max(float(np.sum(w**2)), np.finfo(float).tiny)
-    return start.ravel()
+    Returns:
+        The parameters, and the derivative of (m, b, k) by the weighted gain (dB) and phase (deg) residuals.
+    """
+    n_f = len(frequency_Hz)
+    jw = 2j * np.pi * frequency_Hz
+    basis = np.stack([jw, np.ones(n_f), 1 / jw], axis=1)
+    if not np.any(weight > 0):
+        return np.zeros(3), np.zeros((3, 2, n_f))
+    z_safe = np.where(np.abs(z) > floor, z, floor)
 
+    def residual(parameters: Floats) -> Floats:
+        model = basis @ parameters
+        gain = DB_PER_NEPER * np.log(np.abs(z_safe) / np.maximum(np.abs(model), floor))
+        phase = np.angle(z_safe * np.conj(model), deg=True)
+        return np.concatenate([GAIN_WEIGHT * weight * gain, weight * phase])
 
-def _natural_scale(frequency_Hz: Floats, Z: Complexes, n: int) -> Floats:
-    """Sizes that M, B and K have if each alone made up the impedance at the band's middle."""
+    def jacobian(parameters: Floats) -> Floats:
+        model = basis @ parameters
+        slope = weight[:, np.newaxis] * basis / np.where(np.abs(model) > floor, model, np.inf)[:, np.newaxis]
+        return np.concatenate([-GAIN_WEIGHT * DB_PER_NEPER * slope.real, -DEG_PER_RAD * slope.imag])
+
     omega = 2 * np.pi * float(np.sqrt(frequency_Hz[0] * frequency_Hz[-1]))
-    size = float(np.median(np.abs(Z))) + negligible_gain(Z)
-    return np.repeat([size / omega, size, size * omega], n * n)
+    size = float(np.median(np.abs(z_safe)))
+    solution = scipy.optimize.least_squares(
+        residual,
+        _linear_start(basis, z_safe, weight),
+        jac=jacobian,
+        x_scale=[size / omega, size, size * omega],
+        xtol=1e-14,
+        ftol=1e-14,
+        gtol=1e-14,
+    )
+    return solution.x, -np.linalg.pinv(jacobian(solution.x)).reshape(3, 2, n_f)
 
 
-def _log_derivative(frequency_Hz: Floats, Z_m: Complexes) -> Complexes:
-    """d ln Z_ij / d (M_ij, B_ij, K_ij), shape (3, n_f, n, n)."""
-    jw = 2j * np.pi * frequency_Hz[:, np.newaxis, np.newaxis]
-    basis = np.stack([jw * np.ones_like(Z_m), np.ones_like(Z_m), np.ones_like(Z_m) / jw])
-    return np.divide(basis, Z_m, out=np.zeros_like(basis), where=np.abs(Z_m) > negligible_gain(Z_m))
-
-
-def _jacobian(frequency_Hz: Floats, parameters: Floats, weight: Floats) -> Floats:
-    """d residual / d (M, B, K): an element of Z depends on its own three parameters only."""
-    n_f, n, _ = weight.shape
-    slope = _log_derivative(frequency_Hz, _model(frequency_Hz, parameters, n))
-    jacobian = np.zeros((2, n_f, n, n, 3, n, n))
-    for i in range(n):
-        for j in range(n):
-            jacobian[0, :, i, j, :, i, j] = -GAIN_WEIGHT * DB_PER_NEPER * (weight[:, i, j] * slope[:, :, i, j].real).T
-            jacobian[1, :, i, j, :, i, j] = -DEG_PER_RAD * (weight[:, i, j] * slope[:, :, i, j].imag).T
-    return jacobian.reshape(2 * n_f * n * n, 3 * n * n)
+def _linear_start(basis: Complexes, z: Complexes, weight: Floats) -> Floats:
+    """Least squares on z relative to its size: linear in the parameters, so it needs no start of its own."""
+    w = (weight / np.abs(z))[:, np.newaxis]
+    rows = np.concatenate([(w * basis).real, (w * basis).imag])
+    target = np.concatenate([(w[:, 0] * z).real, (w[:, 0] * z).imag])
+    return np.asarray(np.linalg.lstsq(rows, target, rcond=None)[0], dtype=np.float64)
 
 
 def _sandwich(
-    jacobian: Floats, Z: Complexes, weight: Floats, error_factor: Complexes, correlation: Floats
+    influence: Floats, Z: Complexes, weight: Floats, error_factor: Complexes, correlation: Floats
 ) -> Floats:
     """Covariance of the fit from the covariance of Z; the weights are the paper's, not inverse variances."""
     n_f, n, _ = Z.shape
-    influence = np.linalg.pinv(jacobian).reshape(3 * n * n, 2, n_f, n, n)
-    relative = np.divide(1.0, Z, out=np.zeros_like(Z), where=weight > 0)[:, :, :, np.newaxis, np.newaxis] * error_factor
-    # parameter error = -Re sum_f (g - j p) . u_f, u = dZ / Z, whose real part moves gain and imaginary part phase
+    inverse = np.divide(1.0, Z, out=np.zeros_like(Z), where=weight > 0)
+    relative = inverse[:, :, :, np.newaxis, np.newaxis] * error_factor
+    # A relative error u of Z_ij moves its gain by the real part of u and its phase by the imaginary part.
     gain = influence[:, 0] * GAIN_WEIGHT * DB_PER_NEPER * weight
     phase = influence[:, 1] * DEG_PER_RAD * weight
-    a = np.einsum("pfij,fijab->pfab", gain - 1j * phase, relative).reshape(3 * n * n, n_f, n * n)
+    a = np.einsum("qfij,fijab->qijfab", gain - 1j * phase, relative).reshape(3 * n * n, n_f, n * n)
     return np.asarray(0.5 * np.einsum("pfc,fg,qgc->pq", np.conj(a), correlation, a, optimize=True).real)

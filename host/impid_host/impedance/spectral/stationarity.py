@@ -1,7 +1,7 @@
 """Does the record keep its power from beginning to end?
 
-Source: [P] Sec. IV and Bendat & Piersol, Random Data, ch. 4 and 10: mean squares over equal intervals, tested for
-trend by reverse arrangements. The count of reverse arrangements is Kendall's tau between value and time.
+Source: [P] Sec. IV and Bendat & Piersol, Random Data, ch. 4 and 10: mean squares over equal intervals, tested
+for trend by reverse arrangements. The count of reverse arrangements is Kendall's tau between value and time.
 """
 
 from dataclasses import dataclass
@@ -42,18 +42,20 @@ class StationarityCheck:
         """One sentence for the lab book."""
         if self.holds is None:
             return (
-                f"cannot tell: the signals swing so slowly that the record holds only {len(self.mean_square)} "
-                f"independent intervals, {FEWEST_INTERVALS} are needed; record longer"
+                "cannot tell: the signals swing so slowly that the record holds only "
+                f"{len(self.mean_square)} independent intervals, {FEWEST_INTERVALS} are needed; record longer"
             )
         if self.holds:
-            return f"no trend in power over {len(self.mean_square)} intervals; averaging over the record is justified"
+            count = len(self.mean_square)
+            return f"no trend in power over {count} intervals; averaging over the record is justified"
         worst = int(np.nanargmin(self.p_value))
         x = self.mean_square[:, worst]
         third = max(1, len(x) // 3)
         change = float(np.sqrt(x[-third:].mean() / x[:third].mean()))
         return (
-            f"{self.names[worst]} is not stationary (p = {self.p_value[worst]:.2g}): its rms changes by a factor "
-            f"{change:.2f} from the first third to the last; the subject may have tensed up or relaxed, repeat the trial"
+            f"{self.names[worst]} is not stationary (p = {self.p_value[worst]:.2g}): its rms changes by a "
+            f"factor {change:.2f} from the first third to the last; the subject may have tensed up or "
+            "relaxed, repeat the trial"
         )
 
     def __str__(self) -> str:
@@ -61,7 +63,7 @@ class StationarityCheck:
 
 
 def reverse_arrangements(x: Floats) -> tuple[int, float]:
-    """Number of pairs i < j with x_i > x_j, and the exact two-sided p-value for an exchangeable sequence x, shape (k,)."""
+    """Pairs i < j with x_i > x_j, and the two-sided p-value for an exchangeable sequence x, shape (k,)."""
     falls = int(np.sum(np.triu(x[:, np.newaxis] > x[np.newaxis, :], 1)))
     p_value = float(scipy.stats.kendalltau(np.arange(len(x)), x, method="auto").pvalue)
     return falls, p_value
@@ -80,12 +82,14 @@ def power_correlation_time_s(x: Floats, fs: float) -> float:
     if autocorrelation[0] <= 0:
         return 1.0 / fs
     rho = autocorrelation / autocorrelation[0]
-    # Beyond a quarter of the record the estimate is noise whose square would only add up.
-    rho = rho[: max(2, len(x) // 4)]
-    return float((1.0 + 2.0 * np.sum(rho[1:] ** 2)) / fs)
+    # Far lags hold noise only, whose squares add up to 2 lags / N of the result (Bartlett's variance of rho).
+    lags = max(2, len(x) // 10)
+    return float((1.0 + 2.0 * np.sum(rho[1:lags] ** 2)) / (1.0 + 2.0 * lags / len(x)) / fs)
 
 
-def stationarity(signals: Floats, fs: float, names: tuple[str, ...], level: float = 0.05) -> StationarityCheck:
+def stationarity(
+    signals: Floats, fs: float, names: tuple[str, ...], level: float = 0.05
+) -> StationarityCheck:
     """Test each signal for a trend of its mean square.
 
     Args:

@@ -42,7 +42,7 @@ class WelchSetting:
         return fs / self.n_window
 
     def scaled(self, fs: float, fs_reference: float = 500.0) -> "WelchSetting":
-        """The same segment durations at another sampling rate, so that resolution and averages stay as published."""
+        """The same durations at another sampling rate, so that resolution and averages stay as published."""
         ratio = fs / fs_reference
         window = round(self.n_window * ratio)
         return WelchSetting(
@@ -93,7 +93,7 @@ def cross_spectra(a: Floats, b: Floats, fs: float, setting: WelchSetting) -> tup
 
 
 def _window_overlap_power(setting: WelchSetting, segments: int, offset: Floats) -> Floats:
-    """sum over segment pairs of |correlation of their estimates| at frequency offsets (cycles/sample), shape as `offset`."""
+    """Sum over segment pairs of the correlation of their estimates, `offset` cycles/sample apart."""
     window = scipy.signal.get_window("hann", setting.n_window)
     power = float(np.sum(window**2))
     total = np.zeros(offset.shape)
