@@ -7,7 +7,7 @@ request pumps until its answer is there, so nothing that arrives meanwhile is lo
 import random
 import time
 from collections import deque
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Protocol
 
 from impid_host.clock.device import ClockExchange
@@ -22,6 +22,7 @@ TRIES = 4  # the request and three repeats
 TIMEOUT_S = 0.4
 SELF_TEST_TIMEOUT_S = 5.0
 _PINGS_REMEMBERED = 64
+HOLD_SATURATED_US = 0xFFFF  # the board held the answer longer than it can say: t3 is unknown
 _SELF_TEST_RUNNING = choices("STATUS_HEALTH", "self_test")["RUNNING"]
 
 
@@ -62,6 +63,8 @@ class BoardInfo:
     oversampling: int
     reset_cause: int
     clock_source: int
+    self_test_x_mv: int
+    self_test_y_mv: int
 
 
 class BoardClient:
@@ -98,7 +101,7 @@ class BoardClient:
         self.listener.received(chunk, decoded)
         for pong in decoded.pongs:
             t1_ns = self._pings.pop(pong.request_id, None)
-            if t1_ns is not None:
+            if t1_ns is not None and pong.t3_us - pong.t2_us < HOLD_SATURATED_US:
                 exchange = ClockExchange(t1_ns, pong.t2_us, pong.t3_us, chunk.monotonic_ns)
                 self.listener.exchanged(exchange, pong.boot_id)
         return True
@@ -145,15 +148,15 @@ class BoardClient:
                 f"{self._link.name}: the board speaks protocol {version}, this program {PROTOCOL_VERSION}; "
                 "update the older of the two"
             )
-        values = {name.lower(): self.request("INFO", number).value for name, number in ITEM.items()}
-        return BoardInfo(**values)
+        names = (field.name for field in fields(BoardInfo))
+        return BoardInfo(**{name: self.request("INFO", ITEM[name.upper()]).value for name in names})
 
     def start(self) -> Response:
-        """Start streaming; `next_index` of the answer is the index of the first sample."""
+        """Start streaming; the answer's value is the index of the first sample."""
         return self.request("START")
 
     def stop(self) -> Response:
-        """Stop streaming; harmless when nothing streams."""
+        """Stop streaming, harmless when nothing streams; the answer's value is the samples produced."""
         return self.request("STOP")
 
     def status(self) -> BoardStatus:

@@ -71,7 +71,7 @@ def balance(
                 boot_id=segment.boot_id,
                 run=segment.run,
                 stored=len(segment),
-                lost_before=None if start is None else _ahead(int(segment.index[0]), start.next_index),
+                lost_before=None if start is None else _ahead(int(segment.index[0]), start.value),
                 lost_inside=sum(loss.lost for loss in losses if loss.run == segment.run),
                 lost_after=None if last is None else _ahead(last.next_index, int(segment.index[-1]) + 1),
                 produced=None if last is None else last.produced,
@@ -81,20 +81,14 @@ def balance(
 
 
 def _start_of(responses: list[Response], boot_id: int, first_us: int) -> Response | None:
-    """The first answer to the START that opened a run (a repeated request is answered again, later)."""
-    found = [
-        r
-        for r in responses
-        if r.opcode == OPCODE["START"]
-        and r.result == RESULT["OK"]
-        and r.boot_id == boot_id
-        and r.t_us <= first_us + _START_SLACK_US
-    ]
-    return next((r for r in found if r.request_id == found[-1].request_id), None) if found else None
+    """The answer to the START that opened a run; its value is the index of the first sample."""
+    accepted = (r for r in responses if r.opcode == OPCODE["START"] and r.result == RESULT["OK"])
+    found = [r for r in accepted if r.boot_id == boot_id and r.t_us <= first_us + _START_SLACK_US]
+    return found[-1] if found else None
 
 
-# A sample is stamped with the instant it belongs to, a few ms before it can be sent.
-_START_SLACK_US = 20_000
+# The answer may have had to be repeated while samples came already.
+_START_SLACK_US = 2_000_000
 
 
 def _ahead(later: int, earlier: int) -> int:

@@ -40,10 +40,12 @@ class Progress:
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """How the recording ended; `status` is the board's last word, `trouble` what ended it early."""
+    """How the recording ended; `exchanges` are those of the last boot, `status` is the board's last
+    word, `trouble` what ended it early."""
 
     ending: Ending
     progress: Progress
+    exchanges: tuple[ClockExchange, ...]
     status: BoardStatus | None
     trouble: str = ""
 
@@ -57,6 +59,7 @@ class Recorder:
         self._nominal_rate = nominal_rate
         self._clock = OnlineClock(nominal_rate)
         self._clock_boot: int | None = None
+        self._exchanges: list[ClockExchange] = []
         self._span_us: dict[int, tuple[int, int]] = {}  # run -> first and last sample
         self._heard_s = time.monotonic()
         self._next_index = 0
@@ -79,7 +82,7 @@ class Recorder:
         """
         self._client.stop()
         started = self._client.start()
-        self._writer.event("start", boot_id=started.boot_id, first_index=started.next_index)
+        self._writer.event("start", boot_id=started.boot_id, first_index=started.value)
         trouble, status = "", None
         try:
             done = self._stream(duration_s, stopped, report)
@@ -90,7 +93,7 @@ class Recorder:
             self._writer.event("disconnected", reason=trouble)
         progress = self._progress()
         report(progress)
-        return Outcome(ending, progress, status, trouble)
+        return Outcome(ending, progress, tuple(self._exchanges), status, trouble)
 
     def received(self, chunk: Chunk, decoded: Decoded) -> None:
         """Store a chunk and what it completed."""
@@ -116,7 +119,9 @@ class Recorder:
         self._writer.exchange(exchange, boot_id)
         if boot_id != self._clock_boot:
             self._clock, self._clock_boot = OnlineClock(self._nominal_rate), boot_id
+            self._exchanges.clear()
         self._clock.add(exchange)
+        self._exchanges.append(exchange)
 
     def _stream(
         self, duration_s: float, stopped: Callable[[], bool], report: Callable[[Progress], None]
@@ -147,7 +152,7 @@ class Recorder:
             self._client.pump(_PUMP_S)
             self._writer.flush_when_due()
         status = self._client.status()
-        self._writer.event("stop", boot_id=stopped.boot_id, next_index=stopped.next_index)
+        self._writer.event("stop", boot_id=stopped.boot_id, produced=stopped.value)
         return status
 
     def _elapsed_s(self) -> float:

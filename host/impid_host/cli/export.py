@@ -1,0 +1,158 @@
+"""`impid-host export`: recordings and torque logs into a study folder."""
+
+import re
+from pathlib import Path
+from typing import Literal, cast
+
+import click
+
+from impid_host.errors import InputError
+from impid_host.recording.reader import Recording, read_recording
+from impid_host.samples import DeviceSamples
+from impid_host.study.folder import begin_study, write_trial
+from impid_host.study.model import Setup, Trial, TrialKind
+from impid_host.study.notices import notices_as_lines
+from impid_host.study.robot_csv import read_robot_log
+from impid_host.study.setup_file import read_setup
+from impid_host.study.trial_file import default_load
+
+_KINDS = ("free", "mass-spring", "arm", "stochastic")
+_KIND_BY_NAME = {"free": "free", "spring": "mass-spring", "arm": "arm"}
+
+
+@click.command()
+@click.argument("files", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="FILE.mcap...")
+@click.option("--out", required=True, type=click.Path(path_type=Path), metavar="STUDY", help="Study folder.")
+@click.option(
+    "--robot-log",
+    "robot_logs",
+    multiple=True,
+    type=click.Path(path_type=Path),
+    metavar="CSV",
+    help="The robot's log of each recording, in the same order. Default: FILE.robot.csv.",
+)
+@click.option(
+    "--setup",
+    "setup_file",
+    type=click.Path(path_type=Path),
+    metavar="TOML",
+    help="The apparatus. Default: the study's own, or else FILE.setup.toml.",
+)
+@click.option(
+    "--trial", metavar="NAME", help="Name of the trial (one FILE only). Default: FILE without .mcap."
+)
+@click.option(
+    "--kind", type=click.Choice(_KINDS), help="Kind of trial. Default: by the name (free*, spring*, arm*)."
+)
+@click.option(
+    "--on", type=click.Choice(("mass-spring", "arm")), help="For stochastic trials: what is shaken."
+)
+@click.option(
+    "--load", metavar="NAME", help="Trials of one load share its name. Default: trial name without _NN."
+)
+@click.option(
+    "--run", type=click.IntRange(min=0), help="Which run, where a recording holds several (from 0)."
+)
+def command(
+    *,
+    files: tuple[Path, ...],
+    out: Path,
+    robot_logs: tuple[Path, ...],
+    setup_file: Path | None,
+    trial: str | None,
+    kind: TrialKind | None,
+    on: Literal["mass-spring", "arm"] | None,
+    load: str | None,
+    run: int | None,
+) -> None:
+    """Write a study folder from a recording, or add a trial to one.
+
+    Each recording becomes one trial folder with trial.toml, device.csv and robot.csv. Nothing that is there
+    already is overwritten.
+
+    \b
+    Examples:
+      impid-host export free_01.mcap spring_K1_M1_01.mcap --out study/
+      impid-host export rec.mcap --robot-log rig.csv --setup rig.toml --trial arm_01 --kind arm --out study/
+    """
+    if trial is not None and len(files) > 1:
+        raise click.UsageError("--trial names one trial; give one FILE with it")
+    if robot_logs and len(robot_logs) != len(files):
+        raise click.UsageError(
+            f"{len(files)} recordings need {len(files)} --robot-log, not {len(robot_logs)}"
+        )
+    if (kind == "stochastic") != (on is not None):
+        raise click.UsageError("--kind stochastic and --on go together")
+    logs = robot_logs or tuple(file.with_suffix(".robot.csv") for file in files)
+    with notices_as_lines(lambda line: click.echo(line, err=True)):
+        setup = _setup(out, setup_file, files[0])
+        trials = []
+        for file, log in zip(files, logs, strict=True):
+            name = trial or file.stem
+            trials.append(
+                Trial(
+                    name=name,
+                    kind=kind or _kind_of(name, file),
+                    load=load or default_load(name),
+                    robot=read_robot_log(log, setup.robot.model),
+                    device=_samples(file, run),
+                    on=on,
+                )
+            )
+        _refuse_existing(trials, out)
+        if not (out / "setup.toml").exists():
+            begin_study(setup, out)
+        for each in trials:
+            place = write_trial(each, out)
+            click.echo(
+                f"{place}: {each.kind}, {len(each.device or ())} samples, {len(each.robot)} robot rows"
+            )
+
+
+def _setup(out: Path, setup_file: Path | None, first: Path) -> Setup:
+    """The apparatus; where the study has one already, a given one must be the same."""
+    own = out / "setup.toml"
+    if not own.exists():
+        return read_setup(setup_file or first.with_suffix(".setup.toml"))
+    setup = read_setup(own)
+    if setup_file is not None and read_setup(setup_file) != setup:
+        raise InputError(
+            setup_file, f"differs from {own}", "one study has one apparatus: export into another folder"
+        )
+    return setup
+
+
+def _samples(file: Path, run: int | None) -> DeviceSamples:
+    recording: Recording = read_recording(file)
+    for warning in recording.warnings:
+        click.echo(f"warning: {warning}", err=True)
+    segments = recording.segments
+    if not segments:
+        raise InputError(file, "holds no samples", "record again; `impid-host record` says what went wrong")
+    if run is None and len(segments) > 1:
+        lengths = ", ".join(f"{s.run} ({len(s)} samples, boot {s.boot_id})" for s in segments)
+        raise InputError(file, f"holds {len(segments)} runs: {lengths}", "choose one with --run")
+    chosen = [s for s in segments if s.run == (segments[0].run if run is None else run)]
+    if not chosen:
+        raise InputError(file, f"holds no run {run}", f"runs are 0 to {segments[-1].run}")
+    return chosen[0].samples
+
+
+def _kind_of(name: str, file: Path) -> TrialKind:
+    start = re.match(r"[a-z]+", name.lower())
+    kind = _KIND_BY_NAME.get(start[0] if start else "")
+    if kind is None:
+        raise InputError(file, f"the name {name} does not tell the kind of trial", "say it with --kind")
+    return cast("TrialKind", kind)
+
+
+def _refuse_existing(trials: list[Trial], out: Path) -> None:
+    """Before anything is written: either all trials are added or none."""
+    names = [trial.name for trial in trials]
+    for trial in trials:
+        if (out / trial.name).exists() or names.count(trial.name) > 1:
+            raise InputError(
+                out / trial.name,
+                "is there already",
+                "choose another name with --trial, or move it away first",
+            )

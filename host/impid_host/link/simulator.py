@@ -1,0 +1,109 @@
+"""Starts `impid-sim serve` as a program of its own, as one would plug in a board."""
+
+import json
+import queue
+import shutil
+import subprocess
+import sys
+import tempfile
+import threading
+from pathlib import Path
+from types import TracebackType
+from typing import IO, Any, Self
+
+from impid_host.errors import LinkError
+
+_READY_S = 60.0
+_STOP_S = 10.0
+
+
+class Simulator:
+    """A running simulator that serves one trial on a pseudo-terminal; leave the context to stop it.
+
+    The robot's own torque log and the apparatus are written to the two given files by the simulator.
+    """
+
+    def __init__(self, process: subprocess.Popen[str], errors: IO[str]) -> None:
+        self._process = process
+        self._errors = errors
+        self._lines: queue.SimpleQueue[str | None] = queue.SimpleQueue()
+        threading.Thread(target=self._read, name="impid-sim", daemon=True).start()
+        try:
+            self.port = self._await_port()
+        except BaseException:
+            self.stop()
+            raise
+
+    @classmethod
+    def start(cls, scenario: str, *, speed: float, seed: int | None, robot_log: Path, setup: Path) -> Self:
+        """Serve SCENARIO[:TRIAL] and wait until its port is there.
+
+        Raises:
+            LinkError: the simulator is not installed or refuses; says why.
+        """
+        program = shutil.which("impid-sim", path=str(Path(sys.executable).parent)) or shutil.which(
+            "impid-sim"
+        )
+        if program is None:
+            raise LinkError(
+                "impid-sim is not installed here; install impid with its simulator (pip install impid)"
+            )
+        name, _, trial = scenario.partition(":")
+        command = [program, "serve", name, "--speed", f"{speed:g}"]
+        command += ["--robot-log", str(robot_log), "--setup", str(setup)]
+        command += ["--trial", trial] if trial else []
+        command += ["--seed", str(seed)] if seed is not None else []
+        errors = tempfile.TemporaryFile("w+", encoding="utf-8")  # noqa: SIM115  (closed by stop)
+        process = subprocess.Popen(
+            command,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=errors,
+            text=True,
+            # Ctrl-C is for the recorder, which then stops the board in good order.
+            start_new_session=True,
+        )
+        return cls(process, errors)
+
+    def stop(self) -> None:
+        """Have it write its log and end; it is killed if it does not."""
+        if self._process.poll() is None:
+            self._process.terminate()
+        try:
+            self._process.wait(_STOP_S)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait()
+        self._errors.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.stop()
+
+    def _read(self) -> None:
+        if self._process.stdout is not None:
+            for line in self._process.stdout:
+                self._lines.put(line)
+        self._lines.put(None)
+
+    def _await_port(self) -> str:
+        while True:
+            try:
+                line = self._lines.get(timeout=_READY_S)
+            except queue.Empty:
+                raise LinkError(f"impid-sim named no port within {_READY_S:.0f} s") from None
+            if line is None:
+                self._process.wait()
+                self._errors.seek(0)
+                said = self._errors.read().strip().splitlines()
+                raise LinkError(said[-1] if said else "impid-sim ended before it named a port")
+            try:
+                announced: Any = json.loads(line)
+            except ValueError:
+                continue
+            if isinstance(announced, dict) and "port" in announced:
+                return str(announced["port"])
