@@ -12,7 +12,9 @@ DURATION_S = 50.0
 
 def main() -> None:
     """Runs 50 s of a loaded trial five times and prints the median factor."""
-    load = Load(M=1.031 * np.eye(2), B=np.zeros((2, 2)), K=np.diag([400.0, 300.0]), x0=np.array([0.364, -0.009]))
+    load = Load(
+        M=1.031 * np.eye(2), B=np.zeros((2, 2)), K=np.diag([400.0, 300.0]), x0=np.array([0.364, -0.009])
+    )
     parameters = PlantParameters(
         alpha=(0.06929, 0.04217, 0.04416, 0.06510, 0.07389),
         link_lengths_m=(0.254, 0.2667),
@@ -41,7 +43,9 @@ def main() -> None:
         for first in range(0, int(DURATION_S * 1000), 1000):
             plant.run(ticked.ticks(first, 1000))
         factors.append(DURATION_S / (time.perf_counter() - begin))
-    print(f"plant alone: {np.median(factors):.0f} times real time (runs: {', '.join(f'{f:.0f}' for f in factors)})")
+    print(
+        f"plant alone: {np.median(factors):.0f} times real time (runs: {', '.join(f'{f:.0f}' for f in factors)})"
+    )
 
 
 if __name__ == "__main__":

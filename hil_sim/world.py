@@ -80,7 +80,9 @@ class World:
         self._reference = TickedReference(truth.reference, tick_s)
         self._filter = OutputFilter(truth.accelerometer, self._step_s)
         self._output = Output(
-            truth.accelerometer, 1e-6 * CONVERSION_US, generator(truth.seed, truth.name, "accelerometer noise")
+            truth.accelerometer,
+            1e-6 * CONVERSION_US,
+            generator(truth.seed, truth.name, "accelerometer noise"),
         )
         sensor = truth.force_sensor
         self._log = TorqueLog(
@@ -88,7 +90,8 @@ class World:
             tick_s=tick_s,
             rows=round(truth.duration_s / tick_s),
             encoder=truth.encoder,
-            force_sensor=sensor and ForceSensor(sensor, generator(truth.seed, truth.name, "force sensor noise")),
+            force_sensor=sensor
+            and ForceSensor(sensor, generator(truth.seed, truth.name, "force sensor noise")),
         )
         self._rows: list[LogRows] = []
         self._tick = 0  # ticks of the controller so far
@@ -115,6 +118,11 @@ class World:
     def begin(self, board_us: int) -> None:
         """Starts the motion when the board's clock shows board_us; must lie ahead of what was read."""
         self._begin_us = board_us
+
+    def board_restarted(self, before_us: int, after_us: int) -> None:
+        """The board's clock jumped from before_us to after_us; the motion goes on."""
+        if self._begin_us is not None:
+            self._begin_us += after_us - before_us
 
     def read(self, first_us: int, ticks: int, *, self_test: bool = False) -> Readings:
         """What the board reads in consecutive ticks, the first of them at board time first_us."""

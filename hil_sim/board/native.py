@@ -9,6 +9,7 @@ from hil_sim import _native
 
 TICK_US = 1000
 TAKE_BYTES = 65536
+TAKE_FRAMES = 256
 
 
 @dataclass(frozen=True)
@@ -57,6 +58,7 @@ class NativeBoard:
             raise MemoryError("no memory for a board")
         self._board = _native.ffi.gc(board, _native.lib.impid_board_free)
         self._buffer = _native.ffi.new("uint8_t[]", TAKE_BYTES)
+        self._frames = _native.ffi.new("impid_board_can_frame[]", TAKE_FRAMES)
 
     @property
     def now_us(self) -> int:
@@ -106,6 +108,18 @@ class NativeBoard:
         while count := _native.lib.impid_board_serial_take(self._board, self._buffer, TAKE_BYTES):
             taken.append(bytes(_native.ffi.buffer(self._buffer, count)))
         return b"".join(taken)
+
+    def can_receive(self, identifier: int, data: bytes, t_us: int) -> None:
+        """A classic frame that arrived at board time t_us."""
+        frame = _native.ffi.new("impid_board_can_frame *", {"id": identifier, "dlc": len(data), "data": data})
+        _native.lib.impid_board_can_receive(self._board, frame, t_us)
+
+    def can_take(self) -> list[tuple[int, bytes]]:
+        """Identifier and data of the frames that the board has sent since the last call."""
+        taken = []
+        while count := _native.lib.impid_board_can_take(self._board, self._frames, TAKE_FRAMES):
+            taken += [(int(f.id), bytes(f.data[0 : f.dlc])) for f in self._frames[0:count]]
+        return taken
 
     def close(self) -> None:
         """Gives back the board's memory at once."""

@@ -39,5 +39,11 @@ class Board(Protocol):
     def serial_take(self) -> bytes:
         """Bytes that the board has sent since the last call."""
 
+    def can_receive(self, identifier: int, data: bytes, t_us: int) -> None:
+        """A classic frame that arrived at board time t_us."""
+
+    def can_take(self) -> list[tuple[int, bytes]]:
+        """Identifier and data of the frames that the board has sent since the last call."""
+
     def close(self) -> None:
         """Gives back what the board holds."""

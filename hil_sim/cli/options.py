@@ -5,7 +5,9 @@ from pathlib import Path
 import click
 
 SCENARIO = click.argument("scenario")
-SEED = click.option("--seed", type=click.IntRange(min=0), default=1, show_default=True, help="Seed of all chance.")
+SEED = click.option(
+    "--seed", type=click.IntRange(min=0), default=1, show_default=True, help="Seed of all chance."
+)
 TRIAL = click.option("--trial", metavar="NAME", help="A trial of the scenario.")
 FILE = click.Path(dir_okay=False, path_type=Path)
 FOLDER = click.Path(file_okay=False, path_type=Path)

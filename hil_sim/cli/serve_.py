@@ -13,7 +13,9 @@ from hil_sim.serve.session import ServeOptions, serve
 @click.command("serve")
 @SCENARIO
 @click.option("--trial", metavar="NAME", required=True, help="Which trial of the scenario to run.")
-@click.option("--speed", type=click.FloatRange(min=0.1), default=1.0, show_default=True, help="Times real time.")
+@click.option(
+    "--speed", type=click.FloatRange(min=0.1), default=1.0, show_default=True, help="Times real time."
+)
 @click.option("--robot-log", type=FILE, help="Where the robot's controller writes its torque log (CSV).")
 @SEED
 @click.option("--link", type=FILE, help="Also make a symbolic link of this name to the terminal.")
@@ -43,6 +45,11 @@ def command(
         loaded,
         find_trial(loaded, trial),
         ServeOptions(
-            seed=seed, speed=speed, robot_log=robot_log, link=link, setup_file=setup_file, truth_file=truth_file
+            seed=seed,
+            speed=speed,
+            robot_log=robot_log,
+            link=link,
+            setup_file=setup_file,
+            truth_file=truth_file,
         ),
     )

@@ -14,7 +14,9 @@ from hil_sim.study.write import write_study
 @SCENARIO
 @click.option("--out", type=FOLDER, required=True, help="Study folder to write; absent or empty.")
 @SEED
-@click.option("--truth", "truth_file", type=FILE, help="Where to write what the scenario hides, outside the study.")
+@click.option(
+    "--truth", "truth_file", type=FILE, help="Where to write what the scenario hides, outside the study."
+)
 def command(scenario: str, out: Path, seed: int, truth_file: Path | None) -> None:
     """Write a study folder in virtual time, as fast as the machine can.
 

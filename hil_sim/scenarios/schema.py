@@ -197,5 +197,7 @@ class Scenario(_Table):
             raise ValueError(f"two trials are called {twice[0]}: give each its own name")
         for trial in self.trials:
             if trial.load is not None and trial.load not in self.world.loads:
-                raise ValueError(f"trial {trial.name} names the load {trial.load}: add [world.loads.{trial.load}]")
+                raise ValueError(
+                    f"trial {trial.name} names the load {trial.load}: add [world.loads.{trial.load}]"
+                )
         return self

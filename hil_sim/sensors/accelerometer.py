@@ -69,7 +69,9 @@ class OutputFilter:
             Mean specific force over each substep and filter output at each substep's end, g, both shape (n, 2).
         """
         specific = self._along_axes(q, acceleration) / STANDARD_GRAVITY
-        response, self._state = lfilter([1.0 - self._keep], [1.0, -self._keep], specific, axis=0, zi=self._state)
+        response, self._state = lfilter(
+            [1.0 - self._keep], [1.0, -self._keep], specific, axis=0, zi=self._state
+        )
         return specific, response
 
     def _along_axes(self, q: Array, acceleration: Array) -> Array:
@@ -112,7 +114,9 @@ class Output:
         felt += self._self_test_response(filtered_g.shape[0], driven=self_test)
         crossed = felt + np.array(truth.cross_axis) * felt[:, ::-1]
         gain = np.array(truth.sensitivity_V_per_g) * (1.0 + np.array(truth.gain_error))
-        zero = np.array(truth.zero_g_V) + 1e-3 * np.array(truth.offset_mg) * np.array(truth.sensitivity_V_per_g)
+        zero = np.array(truth.zero_g_V) + 1e-3 * np.array(truth.offset_mg) * np.array(
+            truth.sensitivity_V_per_g
+        )
         return np.clip(zero + gain * crossed, 0.0, truth.supply_V)
 
     def _noise(self, count: int) -> Array:

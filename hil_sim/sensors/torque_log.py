@@ -30,6 +30,17 @@ class LogRows:
     force_N: Array | None
 
 
+def joined(parts: list[LogRows]) -> LogRows:
+    """One stretch of rows from several, in order; there must be at least one."""
+    forces = [part.force_N for part in parts if part.force_N is not None]
+    return LogRows(
+        t_s=np.concatenate([part.t_s for part in parts]),
+        theta_rad=np.concatenate([part.theta_rad for part in parts]),
+        tau_Nm=np.concatenate([part.tau_Nm for part in parts]),
+        force_N=np.concatenate(forces) if forces else None,
+    )
+
+
 class TorqueLog:
     """Turns stretches of motion into rows, up to the trial's end.
 
@@ -37,7 +48,13 @@ class TorqueLog:
     """
 
     def __init__(
-        self, *, zero_s: float, tick_s: float, rows: int, encoder: EncoderTruth, force_sensor: ForceSensor | None
+        self,
+        *,
+        zero_s: float,
+        tick_s: float,
+        rows: int,
+        encoder: EncoderTruth,
+        force_sensor: ForceSensor | None,
     ) -> None:
         """rows: how many the trial has. zero_s: the robot's clock at the first."""
         self._zero_s = zero_s

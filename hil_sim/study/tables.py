@@ -31,13 +31,17 @@ class _CsvFile:
         """Hands everything to the operating system."""
         self._file.flush()
 
+    def close(self) -> None:
+        """Closes the file; may be called twice."""
+        self._file.close()
+
     def __enter__(self) -> Self:
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self._file.close()
+        self.close()
 
 
 class RobotCsv(_CsvFile):

@@ -37,7 +37,9 @@ def write_study(scenario: Scenario, out: Path, seed: int, truth_file: Path | Non
     if out.exists() and (not out.is_dir() or any(out.iterdir())):
         raise SimError(f"{out}: exists and is not an empty folder; name a new one")
     if truth_file is not None and truth_file.resolve().is_relative_to(out.resolve()):
-        raise SimError(f"{truth_file}: lies inside the study, where the host could see it; name a place outside {out}")
+        raise SimError(
+            f"{truth_file}: lies inside the study, where the host could see it; name a place outside {out}"
+        )
     out.mkdir(parents=True, exist_ok=True)
     write_setup(scenario, out / "setup.toml")
     begins: dict[str, int] = {}
@@ -58,7 +60,9 @@ def write_one_trial(scenario: Scenario, trial: Trial, seed: int, start_us: int, 
     """Writes one trial's folder; the board starts at board time start_us. Returns the board time of its end."""
     write_trial(trial, folder / "trial.toml")
     world = World(trial_truth(scenario, trial, seed))
-    board = NativeBoard(BoardConfig(start_us=start_us, serial_bytes_per_ms=scenario.world.serial.bytes_per_ms))
+    board = NativeBoard(
+        BoardConfig(start_us=start_us, serial_bytes_per_ms=scenario.world.serial.bytes_per_ms)
+    )
     world.begin(start_us + LEAD_US)
     with_force = scenario.world.force_sensor is not None
     with (

@@ -1,0 +1,1 @@
+"""What lies between the board's line and the host: a pseudo-terminal, and whatever else speaks `Carrier`."""
