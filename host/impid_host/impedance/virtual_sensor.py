@@ -1,0 +1,27 @@
+"""The virtual force sensor: F_ext from the robot's motion and torque, [D] eq. 1 solved for the force of the load on the robot."""
+
+import numpy as np
+
+from impid_host.robot.model import RobotModel
+from impid_host.signals.arrays import Floats
+
+
+def through_jacobian(model: RobotModel, theta: Floats, joint_side: Floats) -> Floats:
+    """J^-T applied to joint-side quantities: (N, n) or (N, n, p) -> (N, d) or (N, d, p)."""
+    J_T = np.swapaxes(model.jacobian(theta), 1, 2)
+    columns = joint_side[:, :, None] if joint_side.ndim == 2 else joint_side
+    solved: Floats = np.linalg.solve(J_T, columns)
+    return solved[:, :, 0] if joint_side.ndim == 2 else solved
+
+
+def external_force(model: RobotModel, theta: Floats, Y: Floats, parameters: Floats, tau: Floats) -> Floats:
+    """F_ext = J^-T (I theta'' + C theta' + F_r - tau), N, (N, d).
+
+    [D] eq. 2 prints the opposite sign, which contradicts its eqs. 1 and 3.
+
+    Args:
+        Y: the robot's regressor along the motion, (N, n, p).
+        parameters: (p,).
+        tau: joint torques, (N, n).
+    """
+    return through_jacobian(model, theta, Y @ parameters - tau)

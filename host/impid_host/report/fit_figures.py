@@ -1,0 +1,185 @@
+"""Figures of a fitted study: torque and force against their models, residuals, parameters with intervals."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from impid_host.impedance.campaign import StudyFit
+from impid_host.impedance.identify import LoadFit, Quantity, RobotFit
+from impid_host.impedance.rows import Series
+from impid_host.signals.arrays import Floats
+
+_STYLE = {
+    "font.size": 8,
+    "axes.titlesize": 9,
+    "axes.titlelocation": "left",
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "grid.color": "#e4e4e4",
+    "grid.linewidth": 0.6,
+    "axes.axisbelow": True,
+    "legend.frameon": False,
+    "legend.fontsize": 7.5,
+    "lines.linewidth": 1.1,
+    "savefig.dpi": 200,
+    "figure.constrained_layout.use": True,
+}
+# Okabe and Ito's palette: told apart in print and by colour-blind readers.
+_DATA, _FIT, _RESIDUAL, _SECOND = "#333333", "#0072b2", "#d55e00", "#009e73"
+_WIDTH_IN = 7.0
+_DETAIL_S = 10.0
+
+
+def draw_study(result: StudyFit, folder: Path) -> list[Path]:
+    """Draw all figures of a study as PNG into `folder` and return their paths."""
+    folder.mkdir(parents=True, exist_ok=True)
+    paths = []
+    with mpl.rc_context(_STYLE):
+        if isinstance(result.robot, RobotFit):
+            paths.append(_save(robot_figure(result.robot), folder / "robot.png"))
+        for load in dict.fromkeys(fit.load for fit in result.loads):
+            fits = [fit for fit in result.loads if fit.load == load]
+            paths.append(_save(load_figure(fits), folder / f"load_{load}.png"))
+            paths.append(_save(parameter_figure(fits), folder / f"parameters_{load}.png"))
+            if len(fits) > 1:
+                paths.append(_save(force_figure(*fits[:2]), folder / f"force_{load}.png"))
+    return paths
+
+
+def robot_figure(fit: RobotFit) -> Figure:
+    """Torque of each joint, measured and by the model, in the held-out end of the first free trial; residual below."""
+    part = fit.series[0]
+    prismatic = fit.parameters.structure.model.name == "slide-1d"
+    unit = "N" if prismatic else "N m"
+    names = ["force"] if prismatic else [f"torque {joint + 1}" for joint in range(len(fit.vaf))]
+    labels = [f"{name} ({unit})" for name in names]
+    notes = [f"VAF {vaf:.2f} %, residual {_three(rms)} {unit} rms" for vaf, rms in zip(fit.vaf, fit.rms, strict=True)]
+    return _against(part, labels, notes, f"Robot model on held-out data, {part.trial}", ("logged", "model"))
+
+
+def load_figure(fits: Sequence[LoadFit]) -> Figure:
+    """Force of the load, by the virtual sensor and by the load's model, with the residual below."""
+    fit = fits[0]
+    part = _negative(fit.series[0])
+    notes = [f"VAF {vaf:.2f} %, residual {_three(rms)} N rms" for vaf, rms in zip(fit.vaf, fit.rms, strict=True)]
+    title = f"Load {fit.load} on held-out data, {part.trial}"
+    return _against(part, [f"$F_{axis}$ (N)" for axis in "xy"], notes, title, (fit.method, "load model"))
+
+
+def force_figure(virtual: LoadFit, physical: LoadFit) -> Figure:
+    """The virtual sensor against the physical one: over time, and against each other."""
+    names = {part.trial for part in virtual.series}
+    measured = _negative(next(part for part in physical.series if part.trial in names))
+    estimated = _negative(next(part for part in virtual.series if part.trial == measured.trial))
+    rows = _detail(measured)
+    figure = Figure(figsize=(_WIDTH_IN, 4.6))
+    axes = figure.subplots(2, 2, width_ratios=(2.4, 1), squeeze=False)
+    for axis, name in enumerate("xy"):
+        left, right = axes[axis]
+        left.plot(measured.t[rows], measured.target[rows, axis], color=_DATA, label="physical sensor")
+        left.plot(measured.t[rows], estimated.target[rows, axis], color=_FIT, ls=(0, (4, 1.5)), label="virtual sensor")
+        left.set_ylabel(f"$F_{name}$ (N)")
+        shown = measured.shown & estimated.shown
+        known, guessed = measured.target[shown, axis], estimated.target[shown, axis]
+        error = guessed - known
+        right.plot(known, guessed, ".", color=_FIT, ms=1.5, alpha=0.4, rasterized=True)
+        span = [float(known.min()), float(known.max())]
+        right.plot(span, span, color=_DATA, lw=0.7)
+        right.set(xlabel=f"physical $F_{name}$ (N)", ylabel=f"virtual $F_{name}$ (N)")
+        relative = 100 * np.linalg.norm(error) / np.linalg.norm(known)
+        right.set_title(f"rms {_three(float(np.sqrt(np.mean(error**2))))} N ({relative:.2f} %)")
+    axes[0, 0].set_title(f"Force of the load on the robot, {measured.trial}")
+    axes[1, 0].set_xlabel("time (s)")
+    _legend_above(axes[0, 0])
+    return figure
+
+
+def parameter_figure(fits: Sequence[LoadFit]) -> Figure:
+    """Every parameter with its 95 % interval, one panel for each quantity, the methods side by side."""
+    fit = fits[0]
+    panels = [name for name in "MBK" if getattr(fit, name) is not None] + ["x0"]
+    figure = Figure(figsize=(_WIDTH_IN, 2.4))
+    axes = figure.subplots(1, len(panels), squeeze=False)[0]
+    for axes_one, panel in zip(axes, panels, strict=True):
+        for index, (one, color) in enumerate(zip(fits, (_FIT, _SECOND), strict=False)):
+            quantity: Quantity = getattr(one, panel)
+            scale = 1e3 if panel == "x0" else 1.0
+            value, ci = quantity.value.ravel() * scale, quantity.ci95.reshape(-1, 2) * scale
+            place = np.arange(len(value)) + 0.22 * (index - 0.5 * (len(fits) - 1))
+            axes_one.errorbar(
+                place,
+                value,
+                yerr=np.abs(ci.T - value),
+                fmt="o",
+                ms=3.5,
+                capsize=3,
+                lw=1,
+                color=color,
+                label=one.method,
+            )
+        unit = "mm" if panel == "x0" else quantity.unit.replace("*", " ")
+        labels = ["x", "y"] if panel == "x0" else ["xx", "xy", "yx", "yy"]
+        axes_one.set_xticks(range(len(labels)), labels)
+        axes_one.set_xlim(-0.6, len(labels) - 0.4)
+        axes_one.set_title(f"$x_0$ ({unit})" if panel == "x0" else f"${panel}$ ({unit})")
+        axes_one.grid(axis="x", visible=False)
+        axes_one.margins(y=0.15)
+    figure.suptitle(f"Load {fit.load}: estimates with 95 % intervals", x=0.01, ha="left", fontsize=9)
+    if len(fits) > 1:
+        axes[0].legend(loc="best")
+    return figure
+
+
+def _against(
+    part: Series, labels: Sequence[str], notes: Sequence[str], title: str, names: tuple[str, str]
+) -> Figure:
+    rows = _detail(part)
+    count = len(labels)
+    figure = Figure(figsize=(_WIDTH_IN, 2.5 * count + 0.2))
+    axes = figure.subplots(2 * count, 1, sharex=True, height_ratios=[2.2, 1] * count, squeeze=False)[:, 0]
+    for channel, (label, note) in enumerate(zip(labels, notes, strict=True)):
+        top, bottom = axes[2 * channel], axes[2 * channel + 1]
+        target, fit = part.target[rows, channel], part.fit[rows, channel]
+        top.plot(part.t[rows], target, color=_DATA, lw=1.6, label=names[0])
+        top.plot(part.t[rows], fit, color=_FIT, ls=(0, (4, 1.5)), label=names[1])
+        top.set_ylabel(label)
+        bottom.plot(part.t[rows], target - fit, color=_RESIDUAL, lw=0.9)
+        bottom.axhline(0, color="#999999", lw=0.6)
+        bottom.set_ylabel("residual")
+        bottom.text(0.995, 0.94, note, transform=bottom.transAxes, ha="right", va="top", fontsize=7)
+        bottom.margins(y=0.35)
+        bottom.set_xlim(part.t[rows][0], part.t[rows][-1])
+    axes[0].set_title(title)
+    axes[-1].set_xlabel("time (s)")
+    _legend_above(axes[0])
+    figure.align_ylabels()
+    return figure
+
+
+def _legend_above(axes: Axes) -> None:
+    axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, borderaxespad=0.2)
+
+
+def _detail(part: Series) -> Floats:
+    """Rows of the held-out end, at most 10 s of it."""
+    rows = np.flatnonzero(part.held_out)
+    return rows[part.t[rows] >= part.t[rows[-1]] - _DETAIL_S]  # type: ignore[return-value]
+
+
+def _negative(part: Series) -> Series:
+    """The regression's target is -F_ext; figures show F_ext."""
+    return Series(part.trial, part.t, -part.target, -part.fit, part.held_out, part.shown)
+
+
+def _three(value: float) -> str:
+    return f"{value:.3g}"
+
+
+def _save(figure: Figure, path: Path) -> Path:
+    figure.savefig(path)
+    return path

@@ -1,0 +1,242 @@
+"""One trial's two logs on one uniform clock, with positions, velocities and accelerations in joints and in space."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from impid_host.clock.robot import RobotClockFit, match_clocks
+from impid_host.errors import UndeterminedError
+from impid_host.robot.model import RobotModel
+from impid_host.samples import DeviceSamples
+from impid_host.signals.arrays import Floats, Mask
+from impid_host.signals.chain import Chain, erode
+from impid_host.signals.counts import joint_angles, longest_run, specific_force, usable_samples
+from impid_host.signals.resample import Grid, bridged, common_grid, nominal_rate, onto_grid
+from impid_host.study.model import AccelerometerSetup, RobotLog, Setup, Trial, TrialKind
+
+AccelerationSource = Literal["accelerometer", "angles"]
+
+
+@dataclass(frozen=True, slots=True)
+class AlignedTrial:
+    """A trial on one uniform grid of N instants; n joints, d task axes. Not yet low-passed by the chain's `finish`.
+
+    Attributes:
+        t: the module's clock (the robot's, without a module), s, shape (N,), from the trial's first common instant.
+        rate_hz: of the grid.
+        theta, omega, theta_dd: joint angle, velocity, acceleration, rad and s (m for a prismatic joint), shape (N, n).
+        tau: joint torque, N m (N), shape (N, n).
+        force: physical sensor, force of the load on the robot, N, shape (N, 2), or None.
+        perturbation: commanded perturbation force, N, shape (N, 2), or None.
+        x, v, a: end-effector position, velocity, acceleration in the base frame, shape (N, d).
+        valid: instants that neither a gap nor a filter's edge touches, shape (N,).
+        source: where theta_dd and a come from.
+        clock: the match of the two clocks; None without a module.
+    """
+
+    name: str
+    kind: TrialKind
+    load: str
+    t: Floats
+    rate_hz: float
+    theta: Floats
+    omega: Floats
+    theta_dd: Floats
+    tau: Floats
+    force: Floats | None
+    perturbation: Floats | None
+    x: Floats
+    v: Floats
+    a: Floats
+    valid: Mask
+    source: AccelerationSource
+    clock: RobotClockFit | None
+
+    @property
+    def elapsed(self) -> Floats:
+        """Seconds since the first instant, shape (N,)."""
+        return self.t - self.t[0]
+
+
+@dataclass(frozen=True, slots=True)
+class _Raw:
+    """Angles, torques and forces on the grid, before any filter."""
+
+    grid: Grid
+    theta: Floats
+    specific_force: Floats | None
+    tau: Floats
+    force: Floats | None
+    perturbation: Floats | None
+    valid: Mask
+    clock: RobotClockFit | None
+
+
+def device_angles(device: DeviceSamples, setup: Setup) -> tuple[Floats, Floats]:
+    """Times (N,), s, and angles (N, n) of the module's longest run without a reset or encoder fault.
+
+    Raises:
+        UndeterminedError: the setup describes no encoder.
+    """
+    if setup.encoder is None:
+        raise UndeterminedError("setup.toml has no [encoder]; add counts_per_rev, zero_rad and direction")
+    run = _run(device)
+    keep = usable_samples(run)
+    theta = joint_angles(run, setup.encoder)
+    return run.t_us.astype(np.float64)[keep] * 1e-6, theta[keep]
+
+
+def robot_rows(log: RobotLog) -> RobotLog:
+    """The log's rows whose stamps increase and whose numbers are finite."""
+    good = np.isfinite(log.t) & np.isfinite(log.theta).all(axis=1) & np.isfinite(log.tau).all(axis=1)
+    latest = np.maximum.accumulate(np.where(np.isfinite(log.t), log.t, -np.inf))
+    good[1:] &= log.t[1:] > latest[:-1]
+    return RobotLog(
+        t=log.t[good],
+        theta=log.theta[good],
+        tau=log.tau[good],
+        force=None if log.force is None else log.force[good],
+        perturbation=None if log.perturbation is None else log.perturbation[good],
+        sync=None if log.sync is None else log.sync[good],
+    )
+
+
+def match_trial(trial: Trial, setup: Setup) -> RobotClockFit:
+    """The clock match of one trial.
+
+    Raises:
+        UndeterminedError: no module in this trial, or the angles do not determine the clocks; names the trial.
+    """
+    if trial.device is None:
+        raise UndeterminedError(f"trial {trial.name}: no device.csv, so there is no second clock to match")
+    t_device, theta_device = device_angles(trial.device, setup)
+    rows = robot_rows(trial.robot)
+    joints = theta_device.shape[1]
+    try:
+        return match_clocks(t_device, theta_device, rows.t, rows.theta[:, :joints])
+    except UndeterminedError as error:
+        raise UndeterminedError(f"trial {trial.name}: {error}") from error
+
+
+def align(
+    trial: Trial, setup: Setup, model: RobotModel, chain: Chain, source: AccelerationSource | None = None
+) -> AlignedTrial:
+    """Put one trial on one clock and form its motion by the given chain.
+
+    Args:
+        source: where accelerations come from; by default the accelerometer where there is one ([D] footnote 2 warns of
+            the angles).
+
+    Raises:
+        UndeterminedError: the clocks cannot be matched, there is no accelerometer though it was asked for, or less
+            than 2 s remain.
+    """
+    measured = trial.device is not None and setup.accelerometer is not None and model.joints == 2
+    if source == "accelerometer" and not measured:
+        raise UndeterminedError(
+            f"trial {trial.name}: no accelerometer beside this robot model; use --acceleration angles"
+        )
+    source = source or ("accelerometer" if measured else "angles")
+    try:
+        raw = _on_device_clock(trial, trial.device, setup) if trial.device is not None else _on_robot_clock(trial)
+    except UndeterminedError as error:
+        text = str(error)
+        raise UndeterminedError(text if trial.name in text else f"trial {trial.name}: {text}") from error
+    rate = raw.grid.rate_hz
+    theta, omega = chain.value(raw.theta, rate), chain.derivative(raw.theta, rate)
+    x = model.position(theta)
+    J, J_rate = model.jacobian(theta), model.jacobian_rate(theta, omega)
+    v = np.einsum("kij,kj->ki", J, omega)
+    if source == "accelerometer" and raw.specific_force is not None and setup.accelerometer is not None:
+        along_axes = chain.value(raw.specific_force, rate)
+        a = base_frame_acceleration(along_axes, theta, setup.accelerometer)
+        theta_dd = joint_acceleration(a, J, J_rate, omega)
+    else:
+        theta_dd = chain.second_derivative(raw.theta, rate)
+        a = np.einsum("kij,kj->ki", J, theta_dd) + np.einsum("kij,kj->ki", J_rate, omega)
+    return AlignedTrial(
+        name=trial.name,
+        kind=trial.kind,
+        load=trial.load,
+        t=raw.grid.t,
+        rate_hz=rate,
+        theta=theta,
+        omega=omega,
+        theta_dd=theta_dd,
+        tau=chain.torque(raw.tau, rate),
+        force=None if raw.force is None else chain.torque(raw.force, rate),
+        perturbation=None if raw.perturbation is None else chain.torque(raw.perturbation, rate),
+        x=x,
+        v=v,
+        a=a,
+        valid=erode(raw.valid, int(chain.edge_s * rate)),
+        source=source,
+        clock=raw.clock,
+    )
+
+
+def base_frame_acceleration(along_axes: Floats, theta: Floats, accelerometer: AccelerometerSetup) -> Floats:
+    """Specific force along the sensor's axes (N, 2) turned into the base frame (N, 2), m/s^2; the plane is level."""
+    angle = np.full(len(theta), accelerometer.mount_angle_rad)
+    if accelerometer.mount == "link2":
+        angle = angle + theta[:, 1]
+    c, s = np.cos(angle), np.sin(angle)
+    first, second = along_axes.T
+    return np.stack([c * first - s * second, s * first + c * second], axis=1)
+
+
+def joint_acceleration(a: Floats, J: Floats, J_rate: Floats, omega: Floats) -> Floats:
+    """[D] eq. 7, theta'' = J^-1 (x'' - J' theta'): (N, 2), (N, 2, 2) twice, (N, 2) -> (N, 2), rad/s^2."""
+    remainder = a - np.einsum("kij,kj->ki", J_rate, omega)
+    result: Floats = np.linalg.solve(J, remainder[:, :, None])[:, :, 0]
+    return result
+
+
+def _run(device: DeviceSamples) -> DeviceSamples:
+    if len(device) == 0:
+        raise UndeterminedError("device.csv has no samples")
+    part = longest_run(device)
+    names = ("t_us", "seq", "ax", "ay", "enc1", "enc2", "flags")
+    return DeviceSamples(**{name: getattr(device, name)[part] for name in names})
+
+
+def _on_device_clock(trial: Trial, device: DeviceSamples, setup: Setup) -> _Raw:
+    if setup.encoder is None:
+        raise UndeterminedError("setup.toml has no [encoder]; add counts_per_rev, zero_rad and direction")
+    clock = match_trial(trial, setup)
+    run, log = _run(device), robot_rows(trial.robot)
+    t_device, t_robot = run.t_us.astype(np.float64) * 1e-6, clock.to_device(log.t)
+    grid = common_grid(max(t_device[0], t_robot[0]), min(t_device[-1], t_robot[-1]), nominal_rate(t_device))
+    usable, every = usable_samples(run), np.ones(len(log), dtype=bool)
+    valid = bridged(t_device, usable, grid) & bridged(t_robot, every, grid)
+    force = None
+    if setup.accelerometer is not None:
+        force = onto_grid(t_device, specific_force(run, setup.accelerometer), usable, grid)
+    return _Raw(
+        grid=grid,
+        theta=onto_grid(t_device, joint_angles(run, setup.encoder), usable, grid),
+        specific_force=force,
+        tau=onto_grid(t_robot, log.tau, every, grid),
+        force=None if log.force is None else onto_grid(t_robot, log.force, every, grid),
+        perturbation=None if log.perturbation is None else onto_grid(t_robot, log.perturbation, every, grid),
+        valid=valid,
+        clock=clock,
+    )
+
+
+def _on_robot_clock(trial: Trial) -> _Raw:
+    log = robot_rows(trial.robot)
+    rate = nominal_rate(log.t)
+    grid = common_grid(log.t[0], log.t[-1], rate)
+    every = np.ones(len(log), dtype=bool)
+    return _Raw(
+        grid=grid,
+        theta=onto_grid(log.t, log.theta, every, grid),
+        specific_force=None,
+        tau=onto_grid(log.t, log.tau, every, grid),
+        force=None if log.force is None else onto_grid(log.t, log.force, every, grid),
+        perturbation=None if log.perturbation is None else onto_grid(log.t, log.perturbation, every, grid),
+        valid=bridged(log.t, every, grid),
+        clock=None,
+    )

@@ -1,0 +1,86 @@
+"""Zero-phase filters, each the same whatever signal it is given: arrays in, arrays out, along axis 0."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import signal
+
+from impid_host.signals.arrays import Floats
+
+
+@dataclass(frozen=True, slots=True)
+class ZeroPhaseLowPass:
+    """A Butterworth low-pass run forwards and backwards (filtfilt): no phase, the gain squared.
+
+    Args:
+        order: of the filter that is run twice.
+        cutoff_hz: its -3 dB frequency; the zero-phase filter has -6 dB there.
+    """
+
+    order: int
+    cutoff_hz: float
+
+    def apply(self, values: Floats, rate_hz: float) -> Floats:
+        """Filter along axis 0; any trailing shape."""
+        sections = signal.butter(self.order, self.cutoff_hz, fs=rate_hz, output="sos")
+        pad = min(len(values) - 1, int(3 * rate_hz / self.cutoff_hz))
+        result: Floats = signal.sosfiltfilt(sections, values, axis=0, padlen=pad)
+        return result
+
+    def gain(self, frequency_hz: Floats, rate_hz: float) -> Floats:
+        """Magnitude response of the two runs together."""
+        sections = signal.butter(self.order, self.cutoff_hz, fs=rate_hz, output="sos")
+        _, response = signal.sosfreqz(sections, frequency_hz, fs=rate_hz)
+        return np.abs(response) ** 2
+
+
+@dataclass(frozen=True, slots=True)
+class ZeroPhaseChebyshev:
+    """A Chebyshev type I low-pass run forwards and backwards, as MATLAB's `decimate` has it before it drops samples."""
+
+    order: int
+    ripple_dB: float
+    cutoff_hz: float
+
+    def apply(self, values: Floats, rate_hz: float) -> Floats:
+        """Filter along axis 0; any trailing shape."""
+        sections = signal.cheby1(self.order, self.ripple_dB, self.cutoff_hz, fs=rate_hz, output="sos")
+        result: Floats = signal.sosfiltfilt(sections, values, axis=0)
+        return result
+
+
+@dataclass(frozen=True, slots=True)
+class SavitzkyGolay:
+    """[D] Sec. III-A: a polynomial of `order` through `window_s` around each instant, read at its centre."""
+
+    order: int
+    window_s: float
+
+    def _window(self, rate_hz: float) -> int:
+        return max(2 * round((self.window_s * rate_hz - 1) / 2) + 1, self.order + 1 + self.order % 2)
+
+    def smooth(self, values: Floats, rate_hz: float) -> Floats:
+        """The smoothed signal, along axis 0."""
+        result: Floats = signal.savgol_filter(values, self._window(rate_hz), self.order, axis=0)
+        return result
+
+    def differentiate(self, values: Floats, rate_hz: float) -> Floats:
+        """The first derivative, per s, along axis 0."""
+        return self._derivative(values, rate_hz, 1)
+
+    def differentiate_twice(self, values: Floats, rate_hz: float) -> Floats:
+        """The second derivative, per s^2, along axis 0."""
+        return self._derivative(values, rate_hz, 2)
+
+    def _derivative(self, values: Floats, rate_hz: float, times: int) -> Floats:
+        window = self._window(rate_hz)
+        result: Floats = signal.savgol_filter(
+            values, window, self.order, deriv=times, delta=1 / rate_hz, axis=0
+        )
+        return result
+
+
+def central_difference(values: Floats, rate_hz: float) -> Floats:
+    """(v[k+1] - v[k-1]) rate / 2 along axis 0; one-sided at the two ends."""
+    result: Floats = np.gradient(values, 1 / rate_hz, axis=0)
+    return result
