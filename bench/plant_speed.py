@@ -43,9 +43,8 @@ def main() -> None:
         for first in range(0, int(DURATION_S * 1000), 1000):
             plant.run(ticked.ticks(first, 1000))
         factors.append(DURATION_S / (time.perf_counter() - begin))
-    print(
-        f"plant alone: {np.median(factors):.0f} times real time (runs: {', '.join(f'{f:.0f}' for f in factors)})"
-    )
+    runs = ", ".join(f"{factor:.0f}" for factor in factors)
+    print(f"plant alone: {np.median(factors):.0f} times real time (runs: {runs})")
 
 
 if __name__ == "__main__":

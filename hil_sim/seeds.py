@@ -1,7 +1,7 @@
 """One seed, many independent streams of random numbers.
 
-Every source of chance has its own stream, named by what it is. Adding a source therefore changes no other one, and
-how a caller divides time into blocks changes none.
+Every source of chance has its own stream, named by what it is. Adding a source therefore changes no other
+one, and how a caller divides time into blocks changes none.
 """
 
 import zlib

@@ -49,7 +49,9 @@ def trial_truth(scenario: Scenario, trial: Trial, seed: int) -> TrialTruth:
         reference=_reference(scenario, trial, load, seed),
         accelerometer=_accelerometer(scenario),
         encoder=encoder,
-        force_sensor=world.force_sensor and ForceSensorTruth(noise_N=world.force_sensor.noise_N),
+        force_sensor=None
+        if world.force_sensor is None
+        else ForceSensorTruth(noise_N=world.force_sensor.noise_N),
         vref_V=setup.accelerometer.vref_V,
         robot_clock=robot_clock,
         board_rate_ppm=world.clocks.board_ppm,

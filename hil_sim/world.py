@@ -1,8 +1,8 @@
 """One trial as the sensor board and the robot's log see it: plant, sensors and clocks put together.
 
-The plant runs on the robot controller's ticks, the board converts on its own. The board's clock rules the calls:
-for a stretch of board ticks the world runs the plant as far as that needs and gives what the
-converters and counters read. Rows of the robot's log come out on the side.
+The plant runs on the robot controller's ticks, the board converts on its own. The board's clock rules the
+calls: for a stretch of board ticks the world runs the plant as far as that needs and gives what converters
+and counters read. Rows of the robot's log come out on the side.
 """
 
 from dataclasses import dataclass
@@ -90,8 +90,9 @@ class World:
             tick_s=tick_s,
             rows=round(truth.duration_s / tick_s),
             encoder=truth.encoder,
-            force_sensor=sensor
-            and ForceSensor(sensor, generator(truth.seed, truth.name, "force sensor noise")),
+            force_sensor=None
+            if sensor is None
+            else ForceSensor(sensor, generator(truth.seed, truth.name, "force sensor noise")),
         )
         self._rows: list[LogRows] = []
         self._tick = 0  # ticks of the controller so far
@@ -132,7 +133,9 @@ class World:
         else:
             since_us = (first_us - self._begin_us) + TICK_US * np.arange(ticks)
             conversion_us = since_us[:, None] + CONVERSION_US * (np.arange(CONVERSIONS) - (CONVERSIONS - 1))
-            place = self._board_clock.true_time(1e-6 * conversion_us.ravel()) / self._step_s
+            place = (
+                self._board_clock.true_time(1e-6 * conversion_us.ravel().astype(np.float64)) / self._step_s
+            )
             place = np.maximum(place, 0.0)
             self._advance_past(float(place[-1]))
             filtered = self._filtered_at(place)

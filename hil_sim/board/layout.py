@@ -23,8 +23,8 @@ def database() -> Database:
 @cache
 def code(message: str, signal: str, name: str) -> int:
     """The number behind a named value, for example code("BATCH", "kind", "SAMPLES")."""
-    choices = database().get_message_by_name(message).get_signal_by_name(signal).choices or {}
-    for number, choice in choices.items():
+    choices = database().get_message_by_name(message).get_signal_by_name(signal).choices
+    for number, choice in (choices or {}).items():
         if str(choice) == name:
             return int(number)
     raise KeyError(f"{message}.{signal} has no value {name}")

@@ -1,4 +1,4 @@
-"""What the simulator asks of a board, whatever runs it: the native core, or the shipping binary in an emulator."""
+"""What the simulator asks of a board, whatever runs it: the native core, or the shipping binary."""
 
 from typing import Protocol
 

@@ -1,7 +1,7 @@
 """Serial frames, COBS(header | records | CRC-32) 00, as the simulator itself needs them.
 
-The recorder has its own decoder; this one turns a simulated board's bytes into a study folder, hears when the board accepts START,
-and sends commands to a board whose host is the simulator.
+The recorder has its own decoder; this one turns a simulated board's bytes into a study folder, hears when
+the board accepts START, and sends commands to a board whose host is the simulator.
 """
 
 import zlib

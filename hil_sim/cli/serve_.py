@@ -21,7 +21,7 @@ from hil_sim.serve.session import ServeOptions, serve
 @click.option("--link", type=FILE, help="Also make a symbolic link of this name to the terminal.")
 @click.option("--setup", "setup_file", type=FILE, help="Write the laboratory's setup.toml here.")
 @click.option("--truth", "truth_file", type=FILE, help="Write what is hidden here when the motion starts.")
-def command(
+def command(  # noqa: PLR0917
     scenario: str,
     trial: str,
     speed: float,
@@ -33,8 +33,8 @@ def command(
 ) -> None:
     """Serve the sensor board of one trial on a pseudo-terminal.
 
-    Prints one line of JSON when the port is ready and one when the trial is over. The robot rests until the board
-    accepts START. Ends when the trial is over and the port has been closed, or on SIGTERM.
+    Prints one line of JSON when the port is ready and one when the trial is over. The robot rests until the
+    board accepts START. Ends when the trial is over and the port has been closed, or on SIGTERM.
 
     \b
     Example:

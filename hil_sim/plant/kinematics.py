@@ -3,7 +3,8 @@
     x = l1 cos q1 + l2 sin q2
     y = l1 sin q1 - l2 cos q2
 
-the form under which the inertia matrix of [D] eq. 11 follows from the kinetic energy. The end-effector turns with q2.
+the form under which the inertia matrix of [D] eq. 11 follows from the kinetic energy. The end-effector
+turns with q2.
 """
 
 import numpy as np

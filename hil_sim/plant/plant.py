@@ -1,6 +1,7 @@
 """The plant in C, seen from Python: arrays in, arrays out."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -128,16 +129,25 @@ class Plant:
         """Advances by one tick per row of the reference: q1, q2 (rad), w1, w2 (rad/s), shape (n, 4)."""
         reference = np.ascontiguousarray(reference, dtype=np.float64)
         ticks = reference.shape[0]
-        fine = [np.empty((SUBSTEPS * ticks, 2)) for _ in range(4)]
-        count = np.empty((ticks, 2), dtype=np.int32)
-        torque = np.empty((ticks, 2))
-        pointer = _native.ffi.from_buffer
+        fine = (SUBSTEPS * ticks, 2)
+        motion = Motion(
+            q=np.empty(fine),
+            w=np.empty(fine),
+            acceleration=np.empty(fine),
+            force=np.empty(fine),
+            count=np.empty((ticks, 2), dtype=np.int32),
+            torque=np.empty((ticks, 2)),
+        )
         _native.lib.impid_plant_run(
             self._plant,
             ticks,
-            pointer("double[]", reference),
-            *(pointer("double[]", array, require_writable=True) for array in fine),
-            pointer("int32_t[]", count, require_writable=True),
-            pointer("double[]", torque, require_writable=True),
+            _native.ffi.from_buffer("double[]", reference),
+            *(_doubles(array) for array in (motion.q, motion.w, motion.acceleration, motion.force)),
+            _native.ffi.from_buffer("int32_t[]", motion.count, require_writable=True),
+            _doubles(motion.torque),
         )
-        return Motion(*fine, count=count, torque=torque)
+        return motion
+
+
+def _doubles(array: Array) -> Any:
+    return _native.ffi.from_buffer("double[]", array, require_writable=True)

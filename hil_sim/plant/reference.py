@@ -95,8 +95,9 @@ def ten_sinusoids(
 class TickedReference:
     """A reference on the controller's ticks, computed in whole chunks.
 
-    Within a chunk each sinusoid is a fixed table turned by the phase at the chunk's start, which spares most sines. The chunks
-    stand at fixed places, so that the values do not depend on how the caller divides the ticks.
+    Within a chunk each sinusoid is a fixed table turned by the phase at the chunk's start, which spares most
+    sines. The chunks stand at fixed places, so that the values do not depend on how the caller divides the
+    ticks.
     """
 
     CHUNK = 1000
@@ -127,7 +128,7 @@ class TickedReference:
 
     def _compute(self, number: int) -> Array:
         reference = self._reference
-        t_s = (number * self.CHUNK + np.arange(self.CHUNK)) * self._tick_s
+        t_s = (number * self.CHUNK + np.arange(self.CHUNK, dtype=np.float64)) * self._tick_s
         phasor = reference.amplitude_rad * np.exp(1j * (t_s[0] * self._omega + reference.phase_rad))
         # sin is the imaginary part of the turning phasor, its derivative omega times the real part.
         wave = np.einsum("knj,nj->kj", self._table, phasor).imag

@@ -141,7 +141,7 @@ class Motion(_Table):
 
 
 class Motions(_Table):
-    """[motion]: free trials sweep the workspace about a pose, loaded ones stay about the load's equilibrium."""
+    """[motion]: free trials move about a pose, loaded ones about the load's equilibrium."""
 
     free_centre_rad: Pair = (0.7854, 0.7854)
     free: Motion = Motion(range_deg=40.0)

@@ -1,1 +1,1 @@
-"""From the motion to what converters and counters read; every sensor carries its state from block to block."""
+"""From the motion to what converters and counters read; each sensor carries its state between blocks."""

@@ -1,7 +1,7 @@
 """The ADXL203 on the end-effector, from the motion to its two output voltages.
 
-Source: Analog Devices, ADXL103/ADXL203 data sheet (ratiometric output, noise density, output filter by a capacitor against the
-internal 32 kOhm, self-test). In a horizontal plane specific force is acceleration.
+Source: Analog Devices, ADXL103/ADXL203 data sheet (ratiometric output, noise density, output filter by a
+capacitor against the internal 32 kOhm, self-test). In a horizontal plane specific force is acceleration.
 """
 
 from dataclasses import dataclass
@@ -66,7 +66,7 @@ class OutputFilter:
             acceleration: of the end-effector in the base frame, mean over each substep, shape (n, 2), m/s^2.
 
         Returns:
-            Mean specific force over each substep and filter output at each substep's end, g, both shape (n, 2).
+            Mean specific force over each substep and filter output at its end, g, both shape (n, 2).
         """
         specific = self._along_axes(q, acceleration) / STANDARD_GRAVITY
         response, self._state = lfilter(
@@ -85,7 +85,7 @@ class OutputFilter:
 
 
 class Output:
-    """What adds to the filtered motion up to the pins: noise, self-test, errors of gain and zero, the rails."""
+    """What adds to the filtered motion up to the pins: noise, self-test, gain, zero and the rails."""
 
     def __init__(self, truth: AccelerometerTruth, interval_s: float, generator: np.random.Generator) -> None:
         """interval_s: nominal time between conversions."""
@@ -117,7 +117,7 @@ class Output:
         zero = np.array(truth.zero_g_V) + 1e-3 * np.array(truth.offset_mg) * np.array(
             truth.sensitivity_V_per_g
         )
-        return np.clip(zero + gain * crossed, 0.0, truth.supply_V)
+        return np.asarray(np.clip(zero + gain * crossed, 0.0, truth.supply_V))
 
     def _noise(self, count: int) -> Array:
         """White noise behind the filter, sampled: a first-order autoregression with its variance."""
@@ -131,4 +131,4 @@ class Output:
         settle = target + (self._self_test - target) * self._keep ** np.arange(1, count + 1)
         if count:
             self._self_test = float(settle[-1])
-        return settle[:, None] * np.array(self._truth.self_test_g)
+        return np.asarray(settle[:, None] * np.array(self._truth.self_test_g))

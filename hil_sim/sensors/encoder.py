@@ -20,9 +20,9 @@ class EncoderTruth:
         """Counter values at joint angles q, shape (n, 2), rad; wraps as a 32-bit counter does."""
         per_rad = np.array(self.direction) * np.array(self.counts_per_rev) / (2.0 * np.pi)
         whole = np.floor((q - np.array(self.zero_rad)) * per_rad + 0.5)
-        return whole.astype(np.int64).astype(np.int32)
+        return np.asarray(whole.astype(np.int64).astype(np.int32))
 
     def angle(self, count: NDArray[np.int32]) -> Array:
         """Joint angles that counter values stand for, shape (n, 2), rad."""
         per_count = 2.0 * np.pi / (np.array(self.direction) * np.array(self.counts_per_rev))
-        return np.array(self.zero_rad) + count * per_count
+        return np.asarray(np.array(self.zero_rad) + count * per_count)

@@ -1,7 +1,8 @@
 """The serving loop: wall clock, client, board and world, kept in step.
 
-The robot rests until the board accepts START; a moment later the motion and the robot's log begin. Bytes from the client reach the board
-at the board time of their arrival, because clock synchronisation is measured with them.
+The robot rests until the board accepts START; a moment later the motion and the robot's log begin. Bytes from
+the client reach the board at the board time of their arrival, because clock synchronisation is measured with
+them.
 """
 
 import json
@@ -78,7 +79,8 @@ class _Session:
         self._scenario, self._trial, self._options, self._carrier = scenario, trial, options, carrier
         self._world = World(trial_truth(scenario, trial, options.seed))
         with_force = scenario.world.force_sensor is not None
-        self._log = options.robot_log and LiveRobotLog(options.robot_log, with_force=with_force)
+        path = options.robot_log
+        self._log = None if path is None else LiveRobotLog(path, with_force=with_force)
         self._config = BoardConfig(start_us=FIRST_US, serial_bytes_per_ms=scenario.world.serial.bytes_per_ms)
         self._board = NativeBoard(self._config)
         self._answers: FrameReader | None = FrameReader()  # until START was accepted
@@ -198,7 +200,7 @@ class _Session:
         if behind_wall_us > LAG_US and self._board.next_tick_us >= self._complaint_us:
             self._complaint_us = self._board.next_tick_us + int(5e6 * self._options.speed)
             print(  # noqa: T201
-                f"impid-sim: {1e-6 * behind_wall_us:.2f} s behind the clock; lower --speed or free the machine",
+                f"impid-sim: {1e-6 * behind_wall_us:.2f} s behind; lower --speed or free the machine",
                 file=sys.stderr,
                 flush=True,
             )
@@ -212,7 +214,7 @@ class _Session:
             print(json.dumps(content), flush=True)  # noqa: T201
         except BrokenPipeError:
             # Whoever listened has gone; the board does not depend on it.
-            sys.stdout = Path(os.devnull).open("w", encoding="utf-8")
+            sys.stdout = Path(os.devnull).open("w", encoding="utf-8")  # noqa: SIM115
 
 
 def _point(link: Path, target: str) -> None:

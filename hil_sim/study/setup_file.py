@@ -16,7 +16,7 @@ def write_setup(scenario: Scenario, path: Path) -> None:
 
 def write_trial(trial: Trial, path: Path) -> None:
     """Writes the trial.toml of a study."""
-    content = {"kind": trial.kind}
+    content: dict[str, str] = {"kind": trial.kind}
     if trial.load is not None:
         content["load"] = trial.load
     if trial.note:

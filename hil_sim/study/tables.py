@@ -2,10 +2,11 @@
 
 from pathlib import Path
 from types import TracebackType
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 import pyarrow as pa
+from numpy.typing import NDArray
 from pyarrow import csv
 
 from hil_sim.board.wire import Samples
@@ -22,7 +23,7 @@ class _CsvFile:
         self._file.write((",".join(columns) + "\n").encode())
         self._columns = columns
 
-    def write(self, arrays: list[np.ndarray]) -> None:  # type: ignore[type-arg]
+    def write(self, arrays: list[NDArray[Any]]) -> None:
         """One array per column."""
         table = pa.table([pa.array(array) for array in arrays], names=self._columns)
         csv.write_csv(table, self._file, NO_HEADER)

@@ -57,7 +57,7 @@ def write_study(scenario: Scenario, out: Path, seed: int, truth_file: Path | Non
 
 
 def write_one_trial(scenario: Scenario, trial: Trial, seed: int, start_us: int, folder: Path) -> int:
-    """Writes one trial's folder; the board starts at board time start_us. Returns the board time of its end."""
+    """Writes one trial's folder. From board time start_us to the one that it returns."""
     write_trial(trial, folder / "trial.toml")
     world = World(trial_truth(scenario, trial, seed))
     board = NativeBoard(
