@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from hil_sim import _native
+from hil_sim._native import ffi, lib
 
 TICK_US = 1000
 TAKE_BYTES = 65536
@@ -40,8 +40,8 @@ class NativeBoard:
 
     def __init__(self, config: BoardConfig) -> None:
         self._next_tick_us = config.start_us
-        board = _native.lib.impid_board_new(
-            _native.ffi.new(
+        board = lib.impid_board_new(
+            ffi.new(
                 "impid_board_config *",
                 {
                     "uid": list(config.uid),
@@ -54,16 +54,16 @@ class NativeBoard:
                 },
             )
         )
-        if board == _native.ffi.NULL:
+        if board == ffi.NULL:
             raise MemoryError("no memory for a board")
-        self._board = _native.ffi.gc(board, _native.lib.impid_board_free)
-        self._buffer = _native.ffi.new("uint8_t[]", TAKE_BYTES)
-        self._frames = _native.ffi.new("impid_board_can_frame[]", TAKE_FRAMES)
+        self._board = ffi.gc(board, lib.impid_board_free)
+        self._buffer = ffi.new("uint8_t[]", TAKE_BYTES)
+        self._frames = ffi.new("impid_board_can_frame[]", TAKE_FRAMES)
 
     @property
     def now_us(self) -> int:
         """The board's clock, microseconds since its boot."""
-        return int(_native.lib.impid_board_now_us(self._board))
+        return int(lib.impid_board_now_us(self._board))
 
     @property
     def next_tick_us(self) -> int:
@@ -73,12 +73,12 @@ class NativeBoard:
     @property
     def self_test_pin(self) -> bool:
         """The accelerometer's self-test input is driven."""
-        return bool(_native.lib.impid_board_self_test_pin(self._board))
+        return bool(lib.impid_board_self_test_pin(self._board))
 
     @property
     def reset_requested(self) -> bool:
         """True once after a RESET command."""
-        return bool(_native.lib.impid_board_reset_requested(self._board))
+        return bool(lib.impid_board_reset_requested(self._board))
 
     def run(
         self,
@@ -87,40 +87,40 @@ class NativeBoard:
         faults: NDArray[np.uint8] | None = None,
     ) -> None:
         """Runs one tick per row. adc: (n, 8, 2) codes; encoder: (n, 2) counts; faults: (n,) bits."""
-        pointer = _native.ffi.from_buffer
+        pointer = ffi.from_buffer
         ticks = encoder.shape[0]
-        _native.lib.impid_board_run(
+        lib.impid_board_run(
             self._board,
             ticks,
             pointer("uint16_t[]", np.ascontiguousarray(adc)),
             pointer("int32_t[]", np.ascontiguousarray(encoder)),
-            _native.ffi.NULL if faults is None else pointer("uint8_t[]", np.ascontiguousarray(faults)),
+            ffi.NULL if faults is None else pointer("uint8_t[]", np.ascontiguousarray(faults)),
         )
         self._next_tick_us += TICK_US * ticks
 
     def serial_receive(self, data: bytes, t_us: int) -> None:
         """Bytes that arrived at board time t_us."""
-        _native.lib.impid_board_serial_receive(self._board, data, len(data), t_us)
+        lib.impid_board_serial_receive(self._board, data, len(data), t_us)
 
     def serial_take(self) -> bytes:
         """Bytes that the board has sent since the last call."""
         taken = []
-        while count := _native.lib.impid_board_serial_take(self._board, self._buffer, TAKE_BYTES):
-            taken.append(bytes(_native.ffi.buffer(self._buffer, count)))
+        while count := lib.impid_board_serial_take(self._board, self._buffer, TAKE_BYTES):
+            taken.append(bytes(ffi.buffer(self._buffer, count)))
         return b"".join(taken)
 
     def can_receive(self, identifier: int, data: bytes, t_us: int) -> None:
         """A classic frame that arrived at board time t_us."""
-        frame = _native.ffi.new("impid_board_can_frame *", {"id": identifier, "dlc": len(data), "data": data})
-        _native.lib.impid_board_can_receive(self._board, frame, t_us)
+        frame = ffi.new("impid_board_can_frame *", {"id": identifier, "dlc": len(data), "data": data})
+        lib.impid_board_can_receive(self._board, frame, t_us)
 
     def can_take(self) -> list[tuple[int, bytes]]:
         """Identifier and data of the frames that the board has sent since the last call."""
         taken = []
-        while count := _native.lib.impid_board_can_take(self._board, self._frames, TAKE_FRAMES):
+        while count := lib.impid_board_can_take(self._board, self._frames, TAKE_FRAMES):
             taken += [(int(f.id), bytes(f.data[0 : f.dlc])) for f in self._frames[0:count]]
         return taken
 
     def close(self) -> None:
         """Gives back the board's memory at once."""
-        _native.ffi.release(self._board)
+        ffi.release(self._board)

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hil_sim import _native
+from hil_sim._native import ffi, lib
 
 Array = NDArray[np.float64]
 SUBSTEPS = 8  # IMPID_PLANT_SUBSTEPS: steps of the integration per tick of the controller
@@ -95,7 +95,7 @@ class Plant:
         p = parameters
         scale = [d * c / (2.0 * np.pi) for d, c in zip(p.direction, p.counts_per_rev, strict=True)]
         weight = 1.0 - float(np.exp(-2.0 * np.pi * p.velocity_cutoff_Hz * p.tick_s))
-        self._plant = _native.ffi.new(
+        self._plant = ffi.new(
             "impid_plant *",
             {
                 "robot": {"alpha": list(p.alpha), "length": list(p.link_lengths_m)},
@@ -115,7 +115,7 @@ class Plant:
                 "step_s": p.true_tick_s / SUBSTEPS,
             },
         )
-        _native.lib.impid_plant_rest(self._plant, [float(q_rad[0]), float(q_rad[1])])
+        lib.impid_plant_rest(self._plant, [float(q_rad[0]), float(q_rad[1])])
 
     def set_speed(self, w: Array) -> None:
         """Sets the joint speeds, shape (2,), rad/s: a start from motion instead of rest."""
@@ -123,7 +123,7 @@ class Plant:
 
     def energy(self) -> float:
         """Kinetic energy of robot and payload plus that of the springs, J."""
-        return float(_native.lib.impid_plant_energy(self._plant))
+        return float(lib.impid_plant_energy(self._plant))
 
     def run(self, reference: Array) -> Motion:
         """Advances by one tick per row of the reference: q1, q2 (rad), w1, w2 (rad/s), shape (n, 4)."""
@@ -138,16 +138,16 @@ class Plant:
             count=np.empty((ticks, 2), dtype=np.int32),
             torque=np.empty((ticks, 2)),
         )
-        _native.lib.impid_plant_run(
+        lib.impid_plant_run(
             self._plant,
             ticks,
-            _native.ffi.from_buffer("double[]", reference),
+            ffi.from_buffer("double[]", reference),
             *(_doubles(array) for array in (motion.q, motion.w, motion.acceleration, motion.force)),
-            _native.ffi.from_buffer("int32_t[]", motion.count, require_writable=True),
+            ffi.from_buffer("int32_t[]", motion.count, require_writable=True),
             _doubles(motion.torque),
         )
         return motion
 
 
 def _doubles(array: Array) -> Any:
-    return _native.ffi.from_buffer("double[]", array, require_writable=True)
+    return ffi.from_buffer("double[]", array, require_writable=True)
