@@ -9,6 +9,7 @@ import codecs
 import csv
 import itertools
 import math
+import re
 from array import array
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -28,6 +29,10 @@ MAX_CSV_BYTES = 2 << 30
 _MAX_LINE_CHARACTERS = 1 << 16
 _MISSING = ("", "nan", "NaN", "NAN", "NA", "null")
 _BLANKS = "whitespace"
+# Python's own float() also takes 1_000 and digits of other scripts, which no logger writes.
+_NUMBER = re.compile(
+    r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?|[+-]?(inf|infinity|nan)", re.IGNORECASE
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -247,7 +252,7 @@ def _number(
             path, f"column {name} is empty or NaN", "delete that row or repair the value", row=row
         )
     try:
-        value = float(text) if dtype.kind == "f" else _whole(text)
+        value = float(_plain(text)) if dtype.kind == "f" else _whole(_plain(text))
     except ValueError:
         kind = "a number" if dtype.kind == "f" else "a whole number"
         raise InputError(
@@ -262,6 +267,12 @@ def _number(
         between = f"it must lie between {limits.min} and {limits.max}"
         raise InputError(path, f"column {name} holds {shown}", between, row=row)
     return value
+
+
+def _plain(text: str) -> str:
+    if _NUMBER.fullmatch(text) is None:
+        raise ValueError(text)
+    return text
 
 
 def _whole(text: str) -> int:

@@ -207,6 +207,8 @@ def test_other_folders_are_no_trials(study_folder: Path) -> None:
         ("t,theta1,theta2,tau1,tau2\n0,1,2,3,4\n1,1,2,3\n", 3, "has 4 cells where there are 5 columns"),
         ("t,theta1,theta2,tau1,tau2\n0,1,2,3,4\n1,1,x,3,4\n", 3, "column theta2 holds 'x', not a number"),
         ("t,theta1,theta2,tau1,tau2\n0,1,2,3,4\n\n1,1,,3,4\n", 4, "column theta2 is empty or NaN"),
+        ("t,theta1,theta2,tau1,tau2\n0,1,2,1_0,4\n", 2, "column tau1 holds '1_0', not a number"),
+        ("t,theta1,theta2,tau1,tau2\n0,1,2,٣,4\n", 2, "column tau1 holds '٣', not a number"),
         ("t,theta1,theta2,tau1,tau2\n0,1,2,nan,4\n", 2, "column tau1 is empty or NaN"),
         ("t,theta1,theta2,tau1,tau2\n0,1,2,3,4\n1,1,2,inf,4\n", 3, "column tau1 holds a magnitude above"),
         ("t,theta1,theta2,tau1,tau2\n0,1e300,2,3,4\n", 2, "column theta1 holds a magnitude above"),
