@@ -64,7 +64,14 @@ def balance(
         ]
         until_us = min(later, default=1 << 64)
         start = _start_of(responses, segment.boot_id, first_us)
-        told = [s for s in statuses if s.boot_id == segment.boot_id and last_us <= s.t_us < until_us]
+        last_index = int(segment.index[-1])
+        told = [
+            count
+            for count in _counts_told(statuses, responses)
+            if count.boot_id == segment.boot_id
+            and last_us <= count.t_us < until_us
+            and (count.next_index - last_index - 1) & _MASK32 < 1 << 31  # made before the last samples left
+        ]
         last = told[-1] if told else None
         ledgers.append(
             RunLedger(
@@ -73,11 +80,32 @@ def balance(
                 stored=len(segment),
                 lost_before=None if start is None else _ahead(int(segment.index[0]), start.value),
                 lost_inside=sum(loss.lost for loss in losses if loss.run == segment.run),
-                lost_after=None if last is None else _ahead(last.next_index, int(segment.index[-1]) + 1),
+                lost_after=None if last is None else _ahead(last.next_index, last_index + 1),
                 produced=None if last is None else last.produced,
             )
         )
     return tuple(ledgers)
+
+
+@dataclass(frozen=True, slots=True)
+class _Told:
+    """The board's own count at one moment."""
+
+    boot_id: int
+    t_us: int
+    next_index: int
+    produced: int
+
+
+def _counts_told(statuses: list[BoardStatus], responses: list[Response]) -> list[_Told]:
+    """From statuses and from the answers to STOP, whose value is the same count; in order of time."""
+    told = [_Told(s.boot_id, s.t_us, s.next_index, s.produced) for s in statuses]
+    told += [
+        _Told(r.boot_id, r.t_us, r.next_index, r.value)
+        for r in responses
+        if r.opcode == OPCODE["STOP"] and r.result == RESULT["OK"]
+    ]
+    return sorted(told, key=lambda count: count.t_us)
 
 
 def _start_of(responses: list[Response], boot_id: int, first_us: int) -> Response | None:

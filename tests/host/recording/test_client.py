@@ -1,0 +1,98 @@
+"""The command protocol against the firmware core, over a pseudo-terminal."""
+
+import pytest
+from impid_host.clock.device import ClockExchange, fit_clock
+from impid_host.errors import LinkError
+from impid_host.link.client import BoardClient
+from impid_host.link.port import Chunk, SerialLink
+from impid_host.wire.messages import choices
+from impid_host.wire.records import Decoded
+
+
+class Notes:
+    """Remembers what a client tells its listener."""
+
+    def __init__(self) -> None:
+        self.samples = 0
+        self.exchanges: list[ClockExchange] = []
+
+    def received(self, chunk: Chunk, decoded: Decoded) -> None:
+        self.samples += sum(len(segment) for segment in decoded.segments)
+
+    def sent(self, chunk: Chunk) -> None: ...
+
+    def exchanged(self, exchange: ClockExchange, boot_id: int) -> None:
+        assert boot_id == 77
+        self.exchanges.append(exchange)
+
+
+def test_info(board) -> None:
+    with SerialLink.open(board.port) as link:
+        info = BoardClient(link).info()
+    assert (info.boot_id, info.sample_rate_hz, info.group_delay_us) == (77, 1000, 2006)
+    assert (info.full_scale_code, info.uid_0) == (65536, 0x00320044)
+
+
+def test_start_stop_and_status(board) -> None:
+    with SerialLink.open(board.port) as link:
+        notes = Notes()
+        client = BoardClient(link, notes)
+        client.start()
+        while notes.samples < 100:
+            client.pump(0.1)
+        client.stop()
+        status = client.status()
+        assert status.state == choices("STATUS_HEALTH", "state")["IDLE"]
+        assert status.produced == notes.samples
+
+
+def test_lost_requests_and_answers_are_repeated_without_repeating_the_action(board) -> None:
+    """The first two answers to each request vanish; START is counted once, and the index begins once."""
+    vanish = [2]
+
+    def drop(data: bytes) -> bytes:
+        if data and vanish[0]:
+            vanish[0] -= 1
+            return b""
+        return data
+
+    with SerialLink.open(board.port) as link:
+        client = BoardClient(link)
+        before = client.status().accepted
+        vanish[0], board.mangle = 2, drop
+        assert client.start().value == 0
+        client.stop()
+        # START, STOP and the STATUS that asks: a repeated request is answered again, not carried out again.
+        assert client.status().accepted == before + 3
+
+
+def test_refusals_are_named(board) -> None:
+    with SerialLink.open(board.port) as link:
+        client = BoardClient(link)
+        with pytest.raises(LinkError, match=r"refuses INFO \(BAD_ITEM\)"):
+            client.request("INFO", 250)
+        client.start()
+        with pytest.raises(LinkError, match=r"refuses SELF_TEST \(BUSY\)"):
+            client.self_test()
+        client.stop()
+
+
+def test_self_test_ends_with_a_verdict(board) -> None:
+    """The readings do not move when the self-test pin is driven, so both axes fail."""
+    with SerialLink.open(board.port) as link:
+        outcome = BoardClient(link).self_test()
+    assert outcome == choices("STATUS_HEALTH", "self_test")["FAILED_BOTH"]
+
+
+def test_pings_measure_the_clock(board) -> None:
+    with SerialLink.open(board.port) as link:
+        notes = Notes()
+        client = BoardClient(link, notes)
+        while len(notes.exchanges) < 20:
+            client.ping()
+            client.pump(0.05)
+    fit = fit_clock(notes.exchanges)
+    assert 0 < fit.hard_bound_us < 20_000
+    for each in notes.exchanges:
+        assert each.t1_ns < each.t4_ns
+        assert each.t2_us <= each.t3_us

@@ -1,0 +1,187 @@
+"""The file itself: read by the mcap library alone, cut off anywhere, damaged, or not ours at all."""
+
+import base64
+import json
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+from impid_host.clock.device import ClockExchange
+from impid_host.errors import InputError
+from impid_host.link.port import Chunk
+from impid_host.recording.appender import Appender
+from impid_host.recording.reader import read_recording
+from impid_host.recording.writer import RecordingWriter
+from impid_host.wire.decoder import SerialDecoder
+from mcap.reader import make_reader
+from mcap.writer import Writer
+
+GOLDEN = Path(__file__).parents[2] / "protocol" / "golden" / "serial.bin"
+EXCHANGE = ClockExchange(t1_ns=5_000_000_000, t2_us=123, t3_us=130, t4_ns=5_000_400_000)
+
+
+def write_golden(path: Path, pieces: int = 40) -> None:
+    """The golden stream as a recording, one chunk of the file for each piece of it."""
+    raw = GOLDEN.read_bytes()
+    writer = RecordingWriter.create(path, {"impid.host": {"version": "0", "speed": "1.0"}})
+    decoder = SerialDecoder()
+    size = -(-len(raw) // pieces)
+    for number, at in enumerate(range(0, len(raw), size)):
+        chunk = Chunk(monotonic_ns=10**9 + number * 10**8, wall_ns=1, data=raw[at : at + size])
+        writer.received(chunk)
+        decoded = decoder.feed(chunk.data)
+        for segment in decoded.segments:
+            writer.samples(segment, chunk.monotonic_ns)
+        for status in decoded.statuses:
+            writer.status(status, chunk.monotonic_ns)
+        writer.flush()
+    writer.exchange(EXCHANGE, 0xBEEF)
+    writer.event("stop", reason="end")
+    writer.close({"ending": "complete"})
+
+
+@pytest.fixture
+def whole(tmp_path: Path) -> Path:
+    write_golden(tmp_path / "whole.mcap")
+    return tmp_path / "whole.mcap"
+
+
+def test_the_mcap_library_alone_reads_it(whole: Path) -> None:
+    """As Foxglove and PlotJuggler do: index at the end, JSON messages, a schema for each."""
+    want = SerialDecoder().feed(GOLDEN.read_bytes()).segments
+    raw, samples = b"", []
+    with whole.open("rb") as file:
+        reader = make_reader(file, validate_crcs=True)
+        assert reader.get_header().profile == "impid-recording/1"
+        for schema, channel, message in reader.iter_messages():
+            assert schema is not None
+            assert schema.encoding == "jsonschema"
+            assert channel.message_encoding == "json"
+            body = json.loads(message.data)
+            assert set(body) == set(json.loads(schema.data)["properties"])
+            if channel.topic == "/wire/rx":
+                raw += base64.b64decode(body["data"])
+            elif channel.topic == "/samples":
+                samples.append(body)
+    assert raw == GOLDEN.read_bytes()
+    for name in ("t_us", "ax", "ay", "enc1", "enc2", "flags"):
+        assert [s[name] for s in samples] == np.concatenate([getattr(w.samples, name) for w in want]).tolist()
+    assert [s["index"] for s in samples] == np.concatenate([w.index for w in want]).tolist()
+
+
+def test_plot_times_are_spaced_like_board_times(whole: Path) -> None:
+    with whole.open("rb") as file:
+        times = [
+            (m.log_time, json.loads(m.data)["t_us"])
+            for _, _, m in make_reader(file).iter_messages("/samples")
+        ]
+    log, board = np.array(times).T
+    assert np.array_equal(np.diff(log), np.diff(board) * 1000)
+
+
+def test_reading_back(whole: Path) -> None:
+    recording = read_recording(whole)
+    assert recording.warnings == ()
+    assert recording.exchanges == {0xBEEF: [EXCHANGE]}
+    assert recording.metadata["impid.summary"] == {"ending": "complete"}
+    assert [(e.name, e.detail) for e in recording.events] == [("stop", {"reason": "end"})]
+    (ledger,) = recording.ledgers
+    assert (ledger.lost_before, ledger.lost_after, ledger.balanced) == (0, 0, True)
+    assert ledger.produced == 680
+    assert ledger.lost_inside > 0
+
+
+def test_cut_off_anywhere_it_opens_with_what_is_whole(whole: Path, tmp_path: Path) -> None:
+    """Samples grow with the length and are a prefix of the truth; the warning says what is missing."""
+    data, full = whole.read_bytes(), read_recording(whole).segments[0].samples
+    before = 0
+    rng = np.random.default_rng(2)
+    cut = tmp_path / "cut.mcap"
+    for length in sorted([*rng.integers(200, len(data) - 1, 60).tolist(), len(data) - 1]):
+        cut.write_bytes(data[:length])
+        recording = read_recording(cut)
+        got = (
+            np.concatenate([s.samples.enc1 for s in recording.segments])
+            if recording.segments
+            else np.zeros(0)
+        )
+        assert len(got) >= before
+        assert np.array_equal(got, full.enc1[: len(got)])
+        before = len(got)
+    assert before == len(full)
+    cut.write_bytes(data[: len(data) // 2])
+    warning = read_recording(cut).warnings[0]
+    assert "was cut off" in warning
+    assert f"of its {len(data) // 2} bytes are an incomplete record" in warning
+
+
+def test_a_damaged_chunk_is_skipped_and_named(whole: Path) -> None:
+    data = bytearray(whole.read_bytes())
+    data[len(data) // 3] ^= 0x10
+    whole.write_bytes(data)
+    recording = read_recording(whole)
+    assert any("is damaged and is skipped" in warning for warning in recording.warnings)
+    truth = SerialDecoder().feed(GOLDEN.read_bytes()).segments
+    where = {int(i): int(e) for s in truth for i, e in zip(s.index, s.samples.enc1, strict=True)}
+    got = [(int(i), int(e)) for s in recording.segments for i, e in zip(s.index, s.samples.enc1, strict=True)]
+    assert 300 < len(got) < len(where)
+    assert all(where[i] == e for i, e in got)
+
+
+def test_files_that_are_not_recordings(tmp_path: Path) -> None:
+    for name, content in (("empty", b""), ("text", b"t,theta1\n0,1\n"), ("zeros", bytes(1000))):
+        (tmp_path / name).write_bytes(content)
+        with pytest.raises(InputError, match="is not an MCAP file"):
+            read_recording(tmp_path / name)
+    with (tmp_path / "other.mcap").open("wb") as file:
+        other = Writer(file)
+        other.start(profile="ros2")
+        other.finish()
+    with pytest.raises(InputError, match="not a recording of impid"):
+        read_recording(tmp_path / "other.mcap")
+    with pytest.raises(InputError, match="cannot be read"):
+        read_recording(tmp_path / "missing.mcap")
+
+
+def test_a_recording_is_never_overwritten(whole: Path) -> None:
+    before = whole.read_bytes()
+    with pytest.raises(InputError, match="exists already"):
+        RecordingWriter.create(whole, {})
+    assert whole.read_bytes() == before
+
+
+def test_a_folder_that_does_not_exist(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="mkdir -p"):
+        RecordingWriter.create(tmp_path / "no" / "x.mcap", {})
+
+
+def test_a_full_disk_leaves_what_was_whole(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The write that hits the limit goes half through; the file is cut back to the piece before."""
+    real, room = os.write, [20_000]
+
+    def limited(descriptor: int, data: bytes) -> int:
+        if room[0] <= 0:
+            raise OSError(28, "No space left on device")
+        written = real(descriptor, data[: room[0]])
+        room[0] -= written
+        return written
+
+    monkeypatch.setattr("impid_host.recording.appender.os.write", limited)
+    path = tmp_path / "full.mcap"
+    with pytest.raises(InputError, match="No space left on device"):
+        write_golden(path)
+    monkeypatch.undo()
+    recording = read_recording(path)
+    assert "0 of its" in recording.warnings[0]
+    assert sum(map(len, recording.segments)) > 50
+
+
+def test_the_appender_writes_only_whole_flushes(tmp_path: Path) -> None:
+    file = Appender.create(tmp_path / "x")
+    file.write(b"one")
+    assert (tmp_path / "x").read_bytes() == b""
+    file.flush()
+    file.write(b"two")
+    file.close()
+    assert (tmp_path / "x").read_bytes() == b"one"
