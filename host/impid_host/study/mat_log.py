@@ -16,9 +16,11 @@ import scipy.io
 from numpy.typing import NDArray
 
 from impid_host.errors import InputError
+from impid_host.study.mat_inflation import inflates_beyond
 
 MAX_FILE_BYTES = 1 << 30
 MAX_ARRAY_BYTES = 1 << 30
+MAX_INFLATED_BYTES = 1 << 29
 MAX_MATRIX_COLUMNS = 256
 _MAX_ENTRIES = 10_000
 _NUMERIC_CLASSES = (
@@ -61,6 +63,8 @@ class MatLog:
         self.path = path
         if path.stat().st_size > MAX_FILE_BYTES:
             raise InputError(path, "is larger than 1 GiB", "cut the log into trials")
+        if inflates_beyond(path, MAX_INFLATED_BYTES):
+            raise InputError(path, "unpacks to more than one trial can hold", "cut the log into trials")
         self._structures: dict[str, NDArray[Any]] = {}
         self._names: list[str] = []
         for name, shape, kind in self._guarded(lambda: scipy.io.whosmat(path)):

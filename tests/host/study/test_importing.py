@@ -3,6 +3,8 @@
 import csv
 import json
 import math
+import struct
+import zlib
 from pathlib import Path
 
 import h5py
@@ -245,6 +247,22 @@ def test_an_hdf5_file_cannot_claim_the_memory_or_reach_out(tmp_path: Path) -> No
         file["drive"] = T
     with pytest.raises(InputError, match=r"\(it has: drive\)"):
         run(tmp_path, MAPPING, tmp_path / "out.mat")
+
+
+def test_a_small_mat_file_that_unpacks_to_gigabytes_is_refused(tmp_path: Path) -> None:
+    packer = zlib.compressobj(9)
+    packed = b"".join(packer.compress(bytes(1 << 20)) for _ in range(600)) + packer.flush()
+    header = b"MATLAB 5.0 MAT-file".ljust(124) + struct.pack("<H2s", 0x0100, b"IM")
+    (tmp_path / "bomb.mat").write_bytes(header + struct.pack("<II", 15, len(packed)) + packed)
+    assert len(packed) < 1 << 20
+    with pytest.raises(InputError, match="unpacks to more than one trial can hold"):
+        run(tmp_path, MAPPING, tmp_path / "bomb.mat")
+
+
+def test_compressed_mat_files_are_read(tmp_path: Path) -> None:
+    columns = {"time": 1e3 * T, "angle": ANGLE_DEG, "drive": DRIVE_V}
+    scipy.io.savemat(tmp_path / "c.mat", columns, do_compression=True)
+    check(run(tmp_path, MAPPING, tmp_path / "c.mat"))
 
 
 def test_mat_objects_run_nothing(tmp_path: Path) -> None:
