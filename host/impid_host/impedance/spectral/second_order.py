@@ -202,7 +202,8 @@ def _fit_element(frequency_Hz: Floats, z: Complexes, weight: Floats, floor: floa
         ftol=1e-14,
         gtol=1e-14,
     )
-    return solution.x, -np.linalg.pinv(jacobian(solution.x)).reshape(3, 2, n_f)
+    influence = -np.linalg.pinv(jacobian(solution.x)).reshape(3, 2, n_f)
+    return np.asarray(solution.x), np.asarray(influence, dtype=np.float64)
 
 
 def _linear_start(basis: Complexes, z: Complexes, weight: Floats) -> Floats:
