@@ -3,7 +3,7 @@
 import signal
 import sys
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import asdict
 from pathlib import Path
@@ -31,7 +31,7 @@ _SWITCH_INTERVAL_S = 0.0005
 
 @click.command()
 @click.option("--port", metavar="PORT", help="Serial device, or an address such as socket://host:port.")
-@click.option("--sim", metavar="SCENARIO[:TRIAL]", help="Start the simulator and record its board instead.")
+@click.option("--sim", metavar="SCENARIO:TRIAL", help="Start the simulator and record its board instead.")
 @click.option(
     "--duration", type=click.FloatRange(min=0, min_open=True), metavar="S", help="Seconds to record."
 )
@@ -60,26 +60,34 @@ def command(
     recording runs until Ctrl-C, which ends it in good order. The duration is counted in samples, on the
     board's clock.
 
-    With --sim the robot's torque log and the apparatus are written beside the recording, as
-    FILE.robot.csv and FILE.setup.toml.
+    With --sim (`impid-sim list` shows the scenarios and their trials) the robot's torque log and the
+    apparatus are written beside the recording, as FILE.robot.csv and FILE.setup.toml, and without --duration
+    the recording ends with the trial.
 
     \b
     Examples:
       impid-host record --port /dev/ttyACM0 --duration 50 --out free_01.mcap
-      impid-host record --sim first-light:free_01 --speed 5 --duration 50 --out free_01.mcap
+      impid-host record --sim first-light:free_01 --speed 5 --out free_01.mcap
     """
     if (port is None) == (sim is None):
         raise click.UsageError("give either --port or --sim")
     if sim is None and (speed != 1.0 or seed is not None):
         raise click.UsageError("--speed and --seed are for --sim only")
+    if sim is not None and ":" not in sim:
+        raise click.UsageError("--sim needs SCENARIO:TRIAL; `impid-sim list` shows both")
     robot_log, setup = out.with_suffix(".robot.csv"), out.with_suffix(".setup.toml")
     for path in (out, robot_log, setup) if sim else (out,):
         _refuse_existing(path)
     with ExitStack() as stack:
-        stopped = stack.enter_context(_stop_on_signal())
+        signalled = stack.enter_context(_stop_on_signal())
+        stopped: Callable[[], bool] = signalled.is_set
         if sim:
-            served = Simulator.start(sim, speed=speed, seed=seed, robot_log=robot_log, setup=setup)
-            port = stack.enter_context(served).port
+            served = stack.enter_context(
+                Simulator.start(sim, speed=speed, seed=seed, robot_log=robot_log, setup=setup)
+            )
+            port = served.port
+            if duration is None:
+                stopped = lambda: signalled.is_set() or served.finished  # noqa: E731
         link = stack.enter_context(SerialLink.open(str(port), baud))
         asked = {"port": port, "sim": sim, "duration": duration, "baud": baud, "speed": speed, "seed": seed}
         outcome = _record(link, out, duration, stopped, {k: v for k, v in asked.items() if v is not None})
@@ -87,7 +95,7 @@ def command(
 
 
 def _record(
-    link: SerialLink, out: Path, duration_s: float | None, stopped: threading.Event, asked: dict[str, Any]
+    link: SerialLink, out: Path, duration_s: float | None, stopped: Callable[[], bool], asked: dict[str, Any]
 ) -> Outcome:
     client = BoardClient(link)
     board = {name: str(value) for name, value in asdict(client.info()).items()}
@@ -99,7 +107,7 @@ def _record(
     try:
         recorder = Recorder(client, writer, nominal_rate=rate)
         with progress_display(Console(stderr=True), out.name, duration_s) as show:
-            outcome = recorder.run(duration_s or float("inf"), stopped=stopped.is_set, report=show)
+            outcome = recorder.run(duration_s or float("inf"), stopped=stopped, report=show)
         summary = {"ending": outcome.ending} | {k: str(v) for k, v in asdict(outcome.progress.counts).items()}
     finally:
         writer.close(summary)

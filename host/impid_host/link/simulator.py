@@ -27,6 +27,7 @@ class Simulator:
         self._process = process
         self._errors = errors
         self._lines: queue.SimpleQueue[str | None] = queue.SimpleQueue()
+        self._finished = threading.Event()
         threading.Thread(target=self._read, name="impid-sim", daemon=True).start()
         try:
             self.port = self._await_port()
@@ -36,7 +37,7 @@ class Simulator:
 
     @classmethod
     def start(cls, scenario: str, *, speed: float, seed: int | None, robot_log: Path, setup: Path) -> Self:
-        """Serve SCENARIO[:TRIAL] and wait until its port is there.
+        """Serve SCENARIO:TRIAL and wait until its port is there.
 
         Raises:
             LinkError: the simulator is not installed or refuses; says why.
@@ -48,10 +49,9 @@ class Simulator:
             raise LinkError(
                 "impid-sim is not installed here; install impid with its simulator (pip install impid)"
             )
-        name, _, trial = scenario.partition(":")
-        command = [program, "serve", name, "--speed", f"{speed:g}"]
+        name, _, trial = scenario.rpartition(":")
+        command = [program, "serve", name, "--trial", trial, "--speed", f"{speed:g}"]
         command += ["--robot-log", str(robot_log), "--setup", str(setup)]
-        command += ["--trial", trial] if trial else []
         command += ["--seed", str(seed)] if seed is not None else []
         errors = tempfile.TemporaryFile("w+", encoding="utf-8")  # noqa: SIM115  (closed by stop)
         process = subprocess.Popen(
@@ -64,6 +64,11 @@ class Simulator:
             start_new_session=True,
         )
         return cls(process, errors)
+
+    @property
+    def finished(self) -> bool:
+        """The simulated trial is over: the robot's log is complete."""
+        return self._finished.is_set()
 
     def stop(self) -> None:
         """Have it write its log and end; it is killed if it does not."""
@@ -88,7 +93,10 @@ class Simulator:
         if self._process.stdout is not None:
             for line in self._process.stdout:
                 self._lines.put(line)
+                if _announced(line).get("event") == "trial-finished":
+                    self._finished.set()
         self._lines.put(None)
+        self._finished.set()  # a simulator that has gone will bring no more
 
     def _await_port(self) -> str:
         while True:
@@ -101,9 +109,14 @@ class Simulator:
                 self._errors.seek(0)
                 said = self._errors.read().strip().splitlines()
                 raise LinkError(said[-1] if said else "impid-sim ended before it named a port")
-            try:
-                announced: Any = json.loads(line)
-            except ValueError:
-                continue
-            if isinstance(announced, dict) and "port" in announced:
-                return str(announced["port"])
+            port = _announced(line).get("port")
+            if port is not None:
+                return str(port)
+
+
+def _announced(line: str) -> dict[str, Any]:
+    try:
+        announced = json.loads(line)
+    except ValueError:
+        return {}
+    return announced if isinstance(announced, dict) else {}

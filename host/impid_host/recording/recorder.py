@@ -3,6 +3,7 @@
 import time
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
+from math import inf
 from typing import Literal
 
 from impid_host.clock.device import EXCHANGE_RATE_HZ, ClockEstimate, ClockExchange, OnlineClock
@@ -74,6 +75,8 @@ class Recorder:
     ) -> Outcome:
         """Record until the samples span duration_s of board time, `stopped` says so, or the board is gone.
 
+        With a duration of inf it is complete whenever it is stopped.
+
         The board is stopped and its last status fetched in any case but the last.
 
         Raises:
@@ -86,7 +89,7 @@ class Recorder:
         trouble, status = "", None
         try:
             done = self._stream(duration_s, stopped, report)
-            ending: Ending = "complete" if done else "interrupted"
+            ending: Ending = "complete" if done or duration_s == inf else "interrupted"
             status = self._finish()
         except LinkError as error:
             ending, trouble = "disconnected", str(error)

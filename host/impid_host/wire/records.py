@@ -77,7 +77,7 @@ class BoardStatus:
     reset_cause: int
     clock_source: int
     self_test: int
-    supply_mV: int  # noqa: N815  (the unit is part of the name in the message set)
+    supply_mV: int
     worst_tick_us: int
     bus_off: int
     tx_errors: int

@@ -109,7 +109,7 @@ def test_interrupted_it_finishes_in_good_order(board, out: Path, number: signal.
     recording = read_recording(out)
     assert recording.warnings == ()
     assert recording.ledgers[0].balanced
-    assert recording.metadata["impid.summary"]["ending"] == "interrupted"
+    assert recording.metadata["impid.summary"]["ending"] == "complete"
     assert "samples stored, 0 lost" in said
 
 
@@ -172,6 +172,7 @@ def test_wrong_input_is_one_clear_line(tmp_path: Path, silent_port: str) -> None
         (["--port", "x", "--speed", "2", "--out", "a.mcap"], "for --sim only"),
         (["--port", "x", "--duration", "-1", "--out", "a.mcap"], "-1"),
         (["--port", "x"], "--out"),
+        (["--sim", "first-light", "--out", "a.mcap"], "SCENARIO:TRIAL"),
     ],
 )
 def test_wrong_usage(arguments: list[str], words: str) -> None:

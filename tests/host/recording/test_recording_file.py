@@ -117,8 +117,12 @@ def test_cut_off_anywhere_it_opens_with_what_is_whole(whole: Path, tmp_path: Pat
 
 
 def test_a_damaged_chunk_is_skipped_and_named(whole: Path) -> None:
+    with whole.open("rb") as file:
+        summary = make_reader(file).get_summary()
+    assert summary is not None
+    chunk = summary.chunk_indexes[len(summary.chunk_indexes) // 3]
     data = bytearray(whole.read_bytes())
-    data[len(data) // 3] ^= 0x10
+    data[chunk.chunk_start_offset + chunk.chunk_length - 20] ^= 0x10
     whole.write_bytes(data)
     recording = read_recording(whole)
     assert any("is damaged and is skipped" in warning for warning in recording.warnings)
