@@ -57,8 +57,8 @@ static void request_reset(void *context) {
 void fake_port_init(fake_port_t *fake) {
     memset(fake, 0, sizeof *fake);
     impid_frame_parser_init(&fake->parser);
-    fake->port = (impid_port_t){fake,          now_us, serial_send,  can_send, backlog_us,
-                                self_test_pin, health, request_reset};
+    fake->port =
+        (impid_port_t){fake, now_us, serial_send, can_send, backlog_us, self_test_pin, health, request_reset};
 }
 
 const uint8_t *fake_last_record(const fake_port_t *fake, uint8_t kind) {

@@ -86,8 +86,9 @@ static void test_tones_are_passed_with_the_designed_gain_and_delayed_by_1687_us(
         double gain;
         double delay;
         tone(hertz[i], &gain, &delay);
-        TEST_ASSERT_TRUE(fabs(gain - amplitude(hertz[i])) < 2e-5);
-        TEST_ASSERT_TRUE(fabs(delay - 1687.5) < 3e-5 / (2 * pi * hertz[i]) * 1e6);
+        TEST_ASSERT_TRUE(fabs(gain - amplitude(hertz[i])) <
+                         1e-4); /* 12-bit rounding of a tone repeats with it */
+        TEST_ASSERT_TRUE(fabs(delay - 1687.5) < 1e-4 / (2 * pi * hertz[i]) * 1e6);
     }
 }
 

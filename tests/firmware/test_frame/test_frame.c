@@ -98,7 +98,9 @@ static void test_delimiters_alone_are_no_damage(void) {
 
 static void test_valid_frames_that_mean_nothing_here_are_foreign(void) {
     const struct impid_messages_batch_t headers[] = {
-        {.kind = IMPID_MESSAGES_BATCH_KIND_COMMAND_CHOICE, .version = IMPID_PROTOCOL_VERSION + 1u, .count = 1},
+        {.kind = IMPID_MESSAGES_BATCH_KIND_COMMAND_CHOICE,
+         .version = IMPID_PROTOCOL_VERSION + 1u,
+         .count = 1},
         {.kind = IMPID_MESSAGES_BATCH_KIND_COMMAND_CHOICE, .version = IMPID_PROTOCOL_VERSION, .count = 0},
         {.kind = 200, .version = IMPID_PROTOCOL_VERSION, .count = 0},
     };
