@@ -24,9 +24,9 @@ static void command(impid_board *board, uint8_t carrier, uint16_t id, uint8_t op
     struct impid_messages_batch_t header = {
         .kind = IMPID_MESSAGES_BATCH_KIND_COMMAND_CHOICE, .version = IMPID_PROTOCOL_VERSION, .count = 1};
     uint8_t record[8];
-    uint8_t encoded[IMPID_FRAME_ENCODED_MAX];
     (void)impid_messages_command_pack(record, &message, sizeof record);
     if (carrier == 0u) {
+        uint8_t encoded[IMPID_FRAME_ENCODED_MAX];
         impid_board_serial_receive(board, encoded, impid_frame_encode(&header, record, encoded), t_us);
     } else {
         impid_board_can_frame frame = {.id = IMPID_MESSAGES_COMMAND_FRAME_ID, .dlc = 8};

@@ -115,6 +115,42 @@ static void test_missed_ticks_leave_a_gap_of_the_right_length(void) {
     TEST_ASSERT_EQUAL_UINT32(sampler.produced, delivered + sampler.overruns);
 }
 
+/* Without a stream, missed ticks are counted but own no index; a stream then begins with a full window. */
+static void test_missed_ticks_outside_a_stream_shift_no_index(void) {
+    for (uint32_t i = 0; i < 10u; i++) {
+        tick(1000, 0);
+    }
+    impid_sampler_missed(&sampler, 4);
+    impid_sampler_start(&sampler, 0);
+    impid_sampler_missed(&sampler, 3);
+    TEST_ASSERT_EQUAL_UINT32(0, sampler.produced);
+    for (uint32_t i = 0; i < 4u; i++) {
+        tick(1000, 0);
+    }
+    impid_sample_t sample;
+    TEST_ASSERT_TRUE(impid_ring_pop(&sampler.ring, &sample));
+    TEST_ASSERT_EQUAL_UINT32(0, sample.index);
+    TEST_ASSERT_EQUAL_UINT16(16000, sample.accel[0]);
+    TEST_ASSERT_FALSE(impid_ring_pop(&sampler.ring, &sample));
+    TEST_ASSERT_EQUAL_UINT32(7, sampler.overruns);
+}
+
+static void test_a_rail_on_either_axis_flags_the_sample(void) {
+    impid_sampler_start(&sampler, 0);
+    uint16_t adc[2u * IMPID_OVERSAMPLING];
+    for (uint32_t i = 0; i < IMPID_OVERSAMPLING; i++) {
+        adc[2u * i] = 1000;
+        adc[2u * i + 1u] = 0;
+    }
+    impid_tick_t at_rail = {.adc = adc};
+    for (uint32_t i = 0; i < 4u; i++) {
+        impid_sampler_tick(&sampler, &at_rail);
+    }
+    impid_sample_t sample;
+    TEST_ASSERT_TRUE(impid_ring_pop(&sampler.ring, &sample));
+    TEST_ASSERT_EQUAL_HEX8(IMPID_FLAG_SATURATED, sample.flags);
+}
+
 static void test_late_and_saturated_are_counted(void) {
     impid_sampler_start(&sampler, 0);
     for (uint32_t i = 0; i < 30u; i++) {
@@ -155,6 +191,8 @@ int main(void) {
     RUN_TEST(test_acceleration_and_encoders_of_one_sample_belong_together);
     RUN_TEST(test_full_ring_is_counted_and_the_index_goes_on);
     RUN_TEST(test_missed_ticks_leave_a_gap_of_the_right_length);
+    RUN_TEST(test_missed_ticks_outside_a_stream_shift_no_index);
+    RUN_TEST(test_a_rail_on_either_axis_flags_the_sample);
     RUN_TEST(test_late_and_saturated_are_counted);
     RUN_TEST(test_restart_begins_anew);
     return UNITY_END();
