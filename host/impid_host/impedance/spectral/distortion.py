@@ -1,0 +1,101 @@
+"""Even and odd nonlinear distortion from one realisation of an odd-random multisine.
+
+Source: R. Pintelon and J. Schoukens, System Identification: A Frequency Domain Approach, ch. 4 (fast
+    method). Only
+some odd harmonics are excited. A linear system answers at those alone; terms even in the signal (asymmetric
+stiffness) answer at even harmonics, odd ones (friction, cubic springs) at the odd gaps.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.stats
+
+from impid_host.errors import UndeterminedError
+from impid_host.impedance.spectral.arrays import Complexes, Floats
+from impid_host.impedance.spectral.best_linear import NONLINEAR_P_VALUE
+
+
+@dataclass(frozen=True, slots=True)
+class DistortionLevels:
+    """Root mean square amplitude per line, in the output's unit, up to the highest excited frequency.
+
+    Attributes:
+        excited: at excited lines.
+        odd: at odd lines that were not excited, noise taken off.
+        even: at even lines, noise taken off.
+        noise: of the averaged periods, per line.
+        p_odd, p_even: that the odd, the even lines hold noise alone.
+    """
+
+    excited: float
+    odd: float
+    even: float
+    noise: float
+    p_odd: float
+    p_even: float
+
+    @property
+    def verdict(self) -> str:
+        """One sentence for the lab book."""
+        found = []
+        if self.p_odd < NONLINEAR_P_VALUE:
+            found.append(
+                f"odd distortion ({100 * self.odd / self.excited:.2g} %), as of friction or a cubic spring"
+            )
+        if self.p_even < NONLINEAR_P_VALUE:
+            found.append(
+                f"even distortion ({100 * self.even / self.excited:.2g} %), as of an asymmetric stiffness"
+            )
+        if not found:
+            noise = 100 * self.noise / self.excited
+            return f"no distortion above the noise ({noise:.2g} % of the excited lines)"
+        return " and ".join(found)
+
+    def __str__(self) -> str:
+        return f"distortion: {self.verdict}"
+
+
+def distortion_levels(
+    u: Floats, y: Floats, harmonics: np.ndarray[tuple[int], np.dtype[np.int64]]
+) -> DistortionLevels:
+    """Levels at excited, odd and even lines of one output.
+
+    What the measured input carries into the gaps (an imperfect actuator) is taken off by the response that
+    the excited lines show, interpolated.
+
+    Args:
+        u: input, shape (P, N), P steady periods.
+        y: output, shape (P, N).
+        harmonics: excited ones, all odd, shape (n_f,).
+
+    Raises:
+        UndeterminedError: fewer than two periods, or no odd line left free.
+    """
+    P, N = y.shape
+    lines = np.arange(1, int(harmonics.max()) + 1)
+    free = ~np.isin(lines, harmonics)
+    odd, even = free & (lines % 2 == 1), lines % 2 == 0
+    if P < 2:
+        raise UndeterminedError("telling distortion from noise needs at least two periods")
+    if np.any(harmonics % 2 == 0) or not np.any(odd):
+        raise UndeterminedError("the multisine must excite odd harmonics only and leave some of them out")
+    U, Y = (np.fft.rfft(x, axis=1)[:, lines] * (2.0 / N) for x in (u, y))
+    response = Y.mean(axis=0)[~free] / U.mean(axis=0)[~free]
+    G = np.interp(lines, lines[~free], response.real) + 1j * np.interp(lines, lines[~free], response.imag)
+    rest = Y - G * U
+    mean = rest.mean(axis=0)
+    noise = np.sum(np.abs(rest - mean) ** 2, axis=0) / (P - 1) / P
+    odd_rms, p_odd = _level(mean[odd], noise[odd], P)
+    even_rms, p_even = _level(mean[even], noise[even], P)
+    excited = float(np.sqrt(np.mean(np.abs(Y.mean(axis=0)[~free]) ** 2)))
+    return DistortionLevels(excited, odd_rms, even_rms, float(np.sqrt(np.mean(noise[free]))), p_odd, p_even)
+
+
+def _level(mean: Complexes, noise: Floats, P: int) -> tuple[float, float]:
+    """Rms beyond the noise, and the p-value of the lines' power against the scatter between periods."""
+    count = len(mean)
+    power, floor = float(np.mean(np.abs(mean) ** 2)), float(np.mean(noise))
+    ratio = power / floor if floor > 0 else np.inf
+    p_value = float(scipy.stats.f.sf(ratio, 2 * count, 2 * count * (P - 1)))
+    return float(np.sqrt(max(0.0, power - floor))), p_value
