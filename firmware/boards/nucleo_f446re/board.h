@@ -1,0 +1,31 @@
+/* ST Nucleo-F446RE with the wiring of docs/hardware.md. Alternate functions: STM32F446xC/xE data sheet,
+ * table "Alternate function". */
+#ifndef BOARD_H
+#define BOARD_H
+
+#include "pin.h"
+
+#define BOARD_HSE_MHZ    8u /* from the ST-LINK, */
+#define BOARD_HSE_BYPASS 1  /* a clock signal, not a crystal */
+
+#define BOARD_ACCEL_X       PIN(GPIOC, 0) /* A5 */
+#define BOARD_ACCEL_Y       PIN(GPIOC, 1) /* A4 */
+#define BOARD_ADC_X_CHANNEL 10u
+#define BOARD_ADC_Y_CHANNEL 11u
+#define BOARD_SELF_TEST     PIN(GPIOB, 5) /* D4 */
+
+#define BOARD_ENCODER_1_A     PIN(GPIOA, 15) /* CN7-17, TIM2_CH1 */
+#define BOARD_ENCODER_1_B     PIN(GPIOB, 3)  /* D3, TIM2_CH2 */
+#define BOARD_ENCODER_2_A     PIN(GPIOA, 0)  /* A0, TIM5_CH1 */
+#define BOARD_ENCODER_2_B     PIN(GPIOA, 1)  /* A1, TIM5_CH2 */
+#define BOARD_ENCODER_1_FAULT PIN(GPIOB, 10) /* D6, low: fault */
+#define BOARD_ENCODER_2_FAULT PIN(GPIOA, 8)  /* D7, low: fault */
+
+#define BOARD_SYNC      PIN(GPIOB, 6) /* D10, TIM4_CH1 */
+#define BOARD_SERIAL_TX PIN(GPIOA, 2) /* to the ST-LINK, USART2 */
+#define BOARD_SERIAL_RX PIN(GPIOA, 3)
+#define BOARD_CAN_RX    PIN(GPIOB, 8) /* D15, CAN1 */
+#define BOARD_CAN_TX    PIN(GPIOB, 9) /* D14, CAN1 */
+#define BOARD_LED       PIN(GPIOA, 5) /* LD2 */
+
+#endif

@@ -1,0 +1,212 @@
+#include "sampling.h"
+
+#include "board.h"
+#include "clock.h"
+#include "fault.h"
+#include "interrupts.h"
+#include "pin.h"
+#include "registers.h"
+#include "timebase.h"
+
+#define CONVERSIONS    (2u * IMPID_OVERSAMPLING) /* two halves */
+#define TRIGGER_HZ     (IMPID_SAMPLE_RATE_HZ * IMPID_OVERSAMPLING)
+#define ENCODER_FILTER 3u /* eight equal readings at 90 MHz: pulses below 89 ns are ignored */
+/* An overdue half is overwritten from its first conversion on: 125 us after the next tick's instant, less what
+ * the tick itself takes. */
+#define READABLE_US 50u
+
+/* Written by DMA. The word that both converters make of one trigger has x in its low half: x comes first. */
+static volatile uint16_t conversions[CONVERSIONS][2] __attribute__((aligned(4)));
+static volatile uint32_t latched[2][CONVERSIONS];
+
+static impid_core_t *core;
+/* Of the interrupt alone. */
+static uint32_t half;
+static uint32_t due_us; /* the instant of the tick that fills `half` */
+static bool edge_pending;
+/* Written by the interrupt, read by the main loop; single words. */
+static volatile uint32_t ticks;
+static volatile uint16_t worst_us;
+
+/* --- Supply -------------------------------------------------------------------------------------- */
+
+static uint32_t convert_once(void) {
+    ADC1->SR = 0u;
+    ADC1->CR2 |= ADC_CR2_SWSTART;
+    /* Bounded: a conversion takes 492 ADC clocks, 22 us. */
+    for (uint32_t i = 0; i < 10000u; i++) {
+        if ((ADC1->SR & ADC_SR_EOC) != 0u) {
+            return ADC1->DR;
+        }
+    }
+    return 0u;
+}
+
+uint16_t sampling_supply_mV(void) {
+    enum { CALIBRATED_AT_MV = 3300, READINGS = 8 };
+    RCC->APB2ENR |= RCC_APB2ENR_ADC1 | RCC_APB2ENR_ADC2;
+    ADC_COMMON->CCR = ADC_CCR_PCLK2_BY_4 | ADC_CCR_TSVREFE;
+    ADC1->SMPR1 = ADC_SMP_480_CYCLES << (3u * (ADC_VREFINT_CHANNEL - 10u));
+    ADC1->SQR3 = ADC_VREFINT_CHANNEL;
+    ADC1->CR2 = ADC_CR2_ADON;
+    uint32_t sum = 0;
+    /* The first readings fall into the 10 us that the reference needs to start. */
+    for (uint32_t i = 0; i < 2u * READINGS; i++) {
+        uint32_t code = convert_once();
+        sum += i < READINGS ? 0u : code;
+    }
+    ADC1->CR2 = 0u;
+    uint32_t calibrated = *VREFINT_CAL;
+    return sum == 0u ? 0u : (uint16_t)((CALIBRATED_AT_MV * READINGS * calibrated + sum / 2u) / sum);
+}
+
+/* --- Start --------------------------------------------------------------------------------------- */
+
+static void start_stream(dma_stream_regs_t *stream, uint32_t channel, volatile const void *from,
+                         volatile const void *to, uint32_t interrupts) {
+    stream->PAR = (uint32_t)(uintptr_t)from;
+    stream->M0AR = (uint32_t)(uintptr_t)to;
+    stream->NDTR = CONVERSIONS;
+    stream->FCR = 0u;
+    stream->CR = DMA_CR_CHANNEL(channel) | DMA_CR_VERY_HIGH | DMA_CR_WORDS | DMA_CR_MINC | DMA_CR_CIRC | interrupts;
+    stream->CR |= DMA_CR_EN;
+}
+
+static void start_encoder(tim_regs_t *timer, uint32_t trigger_input) {
+    timer->ARR = UINT32_MAX;
+    timer->CCMR1 = TIM_CCMR1_CC1S_TI1 | TIM_CCMR1_IC1F(ENCODER_FILTER) | TIM_CCMR1_CC2S_TI2 |
+                   TIM_CCMR1_IC2F(ENCODER_FILTER);
+    /* Channel 3 captures at the trigger input. The counter does not: in encoder mode it obeys the two
+     * inputs alone (RM0390 17.3.12 names this use of a third channel). */
+    timer->CCMR2 = TIM_CCMR2_CC3S_TRC;
+    timer->SMCR = TIM_SMCR_TS_ITR(trigger_input) | TIM_SMCR_SMS_ENCODER;
+    timer->CCER = TIM_CCER_CC3E;
+    timer->DIER = TIM_DIER_CC3DE;
+    timer->CR1 = TIM_CR1_CEN;
+}
+
+static void start_converters(void) {
+    ADC1->SMPR1 = ADC_SMP_15_CYCLES << (3u * (BOARD_ADC_X_CHANNEL - 10u));
+    ADC2->SMPR1 = ADC_SMP_15_CYCLES << (3u * (BOARD_ADC_Y_CHANNEL - 10u));
+    ADC1->SQR3 = BOARD_ADC_X_CHANNEL;
+    ADC2->SQR3 = BOARD_ADC_Y_CHANNEL;
+    ADC1->SR = 0u;
+    ADC1->CR1 = ADC_CR1_OVRIE;
+    /* The slave first: from the moment the master is on, a trigger would start both. */
+    ADC_COMMON->CCR = ADC_CCR_PCLK2_BY_4 | ADC_CCR_REGULAR_DUAL | ADC_CCR_DMA_MODE_2 | ADC_CCR_DDS;
+    ADC2->CR2 = ADC_CR2_ADON;
+    ADC1->CR2 = ADC_CR2_EXTEN_RISING | ADC_CR2_EXTSEL_TIM3 | ADC_CR2_ADON;
+    /* Their 3 us to wake up are over long before the first trigger, 125 us after the start. */
+}
+
+void sampling_start(impid_core_t *the_core) {
+    core = the_core;
+    due_us = IMPID_PERIOD_US;
+    RCC->AHB1ENR |= RCC_AHB1ENR_DMA1 | RCC_AHB1ENR_DMA2;
+    RCC->APB1ENR |= RCC_APB1ENR_TIM2 | RCC_APB1ENR_TIM3 | RCC_APB1ENR_TIM4 | RCC_APB1ENR_TIM5 | RCC_APB1ENR_TIM12;
+
+    start_stream(&DMA2->S[0], 0u, &ADC_COMMON->CDR, conversions, DMA_CR_HTIE | DMA_CR_TCIE | DMA_CR_TEIE);
+    start_stream(&DMA1->S[1], 3u, &TIM2->CCR3, latched[0], 0u);
+    start_stream(&DMA1->S[0], 6u, &TIM5->CCR3, latched[1], 0u);
+    start_converters();
+    start_encoder(TIM2, 2u); /* ITR2 of TIM2 is TIM3 */
+    start_encoder(TIM5, 1u); /* ITR1 of TIM5 is TIM3 */
+
+    TIM3->ARR = CLOCK_TIMER_HZ / TRIGGER_HZ - 1u;
+    TIM3->CR2 = TIM_CR2_MMS_UPDATE;
+    TIM3->SMCR = TIM_SMCR_TS_ITR(3) | TIM_SMCR_SMS_TRIGGER; /* ITR3 = TIM4 */
+
+    interrupt_enable(IRQ_ADC, PRIORITY_TICK);
+    interrupt_enable(IRQ_DMA2_STREAM0, PRIORITY_TICK);
+    timebase_start();
+}
+
+/* --- Tick ---------------------------------------------------------------------------------------- */
+
+/* The three streams count the same triggers, the encoders' being at most a trigger ahead of the conversion
+ * under way. If they ever differ by more, counts and conversions no longer belong together. */
+static bool latch_in_step(void) {
+    uint32_t left = DMA2->S[0].NDTR;
+    uint32_t ahead_1 = (left - DMA1->S[1].NDTR) % CONVERSIONS;
+    uint32_t ahead_2 = (left - DMA1->S[0].NDTR) % CONVERSIONS;
+    return ahead_1 <= 1u && ahead_2 <= 1u;
+}
+
+/* The edge captured last may be younger than the instant served: then it belongs to the next tick, which is
+ * certain to come after it. */
+static bool sync_edge_until(uint32_t t_us) {
+    bool seen = edge_pending;
+    edge_pending = false;
+    uint32_t edge_us;
+    if (timebase_sync_edge(&edge_us)) {
+        bool younger = edge_us - t_us - 1u < UINT32_MAX / 2u;
+        seen = seen || !younger;
+        edge_pending = younger;
+    }
+    return seen;
+}
+
+static void serve_due(uint8_t flags) {
+    uint32_t first = half * IMPID_OVERSAMPLING;
+    uint32_t last = first + IMPID_OVERSAMPLING - 1u;
+    if (!pin_read(BOARD_ENCODER_1_FAULT) || !pin_read(BOARD_ENCODER_2_FAULT) || !latch_in_step()) {
+        flags |= IMPID_FLAG_ENCODER_FAULT;
+    }
+    if (sync_edge_until(due_us)) {
+        flags |= IMPID_FLAG_SYNC_EDGE;
+    }
+    impid_tick_t tick = {
+        /* No longer volatile for the core: DMA does not come back to this half before 1125 us have passed. */
+        .adc = (const uint16_t *)(uintptr_t)&conversions[first][0],
+        .encoder = {latched[0][last], latched[1][last]},
+        .t_us = due_us,
+        .flags = flags,
+    };
+    impid_core_tick(core, &tick);
+}
+
+static void pass_due(uint32_t periods) {
+    due_us += periods * IMPID_PERIOD_US;
+    half = (half + periods) % 2u;
+}
+
+void dma2_stream0_handler(void) {
+    uint32_t entered_us = timebase_now_us();
+    uint32_t flags = DMA2->LISR;
+    DMA2->LIFCR = DMA_STREAM0_FLAGS;
+    if ((flags & DMA_STREAM0_TEIF) != 0u) {
+        fault_stop(FAULT_DMA);
+    }
+    /* The interrupt comes 1.3 us after the instant, so this is positive. */
+    uint32_t behind_us = entered_us - due_us;
+    uint32_t overdue = behind_us / IMPID_PERIOD_US;
+    if (overdue == 1u && behind_us < IMPID_PERIOD_US + READABLE_US) {
+        serve_due(IMPID_FLAG_LATE);
+        pass_due(1u);
+    } else if (overdue > 0u) {
+        impid_core_missed(core, overdue);
+        pass_due(overdue);
+    }
+    serve_due(0u);
+    pass_due(1u);
+
+    ticks++;
+    uint32_t took_us = timebase_now_us() - entered_us;
+    if (took_us > worst_us) {
+        worst_us = took_us < UINT16_MAX ? (uint16_t)took_us : UINT16_MAX;
+    }
+}
+
+/* DMA has not fetched a conversion for 125 us: it is alone on its controller and takes one word per trigger,
+ * so this means that it has stopped. */
+void adc_handler(void) {
+    fault_stop(FAULT_ADC_OVERRUN);
+}
+
+uint32_t sampling_ticks(void) {
+    return ticks;
+}
+
+uint16_t sampling_worst_tick_us(void) {
+    return worst_us;
+}

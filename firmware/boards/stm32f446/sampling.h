@@ -1,0 +1,38 @@
+/* From the sampling timer to the core's tick, with every instant set by hardware.
+ *
+ * TIM3 overflows every 125 us. Its trigger output starts ADC1 and ADC2 together (regular simultaneous mode)
+ * and, through the internal trigger inputs, makes TIM2 and TIM5 copy their encoder counts into a capture
+ * register. DMA carries all three into memory, two halves of eight conversions each: when one is full, the
+ * tick interrupt hands it to the core while the other fills.
+ *
+ * Skew between the encoder latch and the conversion, from the same edge of TIM3's trigger (f = 90 MHz, ADC
+ * clock 22.5 MHz, 44.4 ns):
+ *   encoder: resynchronisation of an internal trigger and capture      2 to 4 timer clocks    0.02 .. 0.05 us
+ *            input filter: 8 readings, and 2 clocks of synchronisation after the edge on the pin
+ *                                                                      the count is behind    0.09 .. 0.12 us
+ *   ADC:     trigger to start of sampling                              2 to 3 ADC clocks      0.09 .. 0.14 us
+ *            sampling, at whose end the voltage is held                15 ADC clocks                  0.67 us
+ *   The counts captured are those of -0.10 .. -0.04 us, the voltage is that of +0.76 .. +0.81 us: the skew is
+ *   0.80 .. 0.91 us, below 1 us, and constant to 0.11 us. Both axes share the ADC clock: their skew is that of
+ *   two sampling switches, nanoseconds.
+ *   15 clocks suffice: behind the 10 nF filter capacitor the sampling capacitor (7 pF at most) settles through
+ *   the converter's own 6 kOhm with 42 ns, 16 time constants in 667 ns, and takes 0.07 % of the difference
+ *   between two consecutive readings of the same axis from the filter capacitor.
+ *
+ * No software takes part, so interrupt latency cannot move a sample. A tick served more than 1000 us late is
+ * marked; one whose half has been overwritten is counted as missed.
+ */
+#ifndef SAMPLING_H
+#define SAMPLING_H
+
+#include "impid_core.h"
+
+/* VDDA, which supplies the accelerometer, from the reference voltage; before sampling_start(). */
+uint16_t sampling_supply_mV(void);
+/* Starts the time and the samples; from here on the tick interrupt calls the core. */
+void sampling_start(impid_core_t *core);
+/* Ticks served since start. */
+uint32_t sampling_ticks(void);
+uint16_t sampling_worst_tick_us(void);
+
+#endif
