@@ -2,16 +2,14 @@
 
 #include <math.h>
 
-void impid_plant_read_encoders(const impid_plant *plant, int32_t *count)
-{
+void impid_plant_read_encoders(const impid_plant *plant, int32_t *count) {
     for (int j = 0; j < 2; j++) {
         const double angle = plant->q[j] - plant->encoder.zero_rad[j];
         count[j] = (int32_t)floor(angle * plant->encoder.counts_per_rad[j] + 0.5);
     }
 }
 
-void impid_plant_control(impid_plant *plant, const double *reference, double *torque)
-{
+void impid_plant_control(impid_plant *plant, const double *reference, double *torque) {
     const impid_plant_controller *controller = &plant->controller;
     int32_t count[2];
     impid_plant_read_encoders(plant, count);

@@ -9,15 +9,13 @@ typedef struct {
     double s, c;
 } turn;
 
-impid_plant_angles impid_plant_angles_of(const double *q)
-{
+impid_plant_angles impid_plant_angles_of(const double *q) {
     const impid_plant_angles angles = {sin(q[0]), cos(q[0]), sin(q[1]), cos(q[1])};
     return angles;
 }
 
 /* The first neglected terms, d^7/5040 and d^8/40320, stay below the rounding of a double. */
-static turn small_turn(double d)
-{
+static turn small_turn(double d) {
     const double d2 = d * d;
     turn t;
     if (fabs(d) > SMALL_TURN_RAD) {
@@ -30,8 +28,7 @@ static turn small_turn(double d)
     return t;
 }
 
-impid_plant_angles impid_plant_angles_near(const impid_plant_angles *base, const double *dq)
-{
+impid_plant_angles impid_plant_angles_near(const impid_plant_angles *base, const double *dq) {
     const turn t1 = small_turn(dq[0]);
     const turn t2 = small_turn(dq[1]);
     const impid_plant_angles angles = {
@@ -44,8 +41,7 @@ impid_plant_angles impid_plant_angles_near(const impid_plant_angles *base, const
 }
 
 void impid_plant_accelerate(const impid_plant *plant, const impid_plant_angles *angles, const double *w,
-                            const double *torque, impid_plant_rates *out)
-{
+                            const double *torque, impid_plant_rates *out) {
     const double *alpha = plant->robot.alpha;
     const double l1 = plant->robot.length[0];
     const double l2 = plant->robot.length[1];
@@ -102,8 +98,7 @@ void impid_plant_accelerate(const impid_plant *plant, const impid_plant_angles *
     out->f[1] = fy - MJ10 * a0 - MJ11 * a1;
 }
 
-double impid_plant_energy(const impid_plant *plant)
-{
+double impid_plant_energy(const impid_plant *plant) {
     const double *alpha = plant->robot.alpha;
     const double *w = plant->w;
     const double *M = plant->load.M;

@@ -3,8 +3,7 @@
 
 /* One classical Runge-Kutta step. The same weights that add up the joint accelerations give the means of
  * every other rate over the step. */
-static void step(impid_plant *plant, const double *torque, impid_plant_rates *mean)
-{
+static void step(impid_plant *plant, const double *torque, impid_plant_rates *mean) {
     static const double advance[4] = {0.0, 0.5, 0.5, 1.0};
     static const double weight[4] = {1.0 / 6.0, 1.0 / 3.0, 1.0 / 3.0, 1.0 / 6.0};
     const double dt = plant->step_s;
@@ -37,8 +36,7 @@ static void step(impid_plant *plant, const double *torque, impid_plant_rates *me
     *mean = sum;
 }
 
-void impid_plant_rest(impid_plant *plant, const double *q)
-{
+void impid_plant_rest(impid_plant *plant, const double *q) {
     for (int j = 0; j < 2; j++) {
         plant->q[j] = q[j];
         plant->w[j] = 0.0;
@@ -48,8 +46,7 @@ void impid_plant_rest(impid_plant *plant, const double *q)
 }
 
 void impid_plant_run(impid_plant *plant, size_t ticks, const double *reference, double *q, double *w,
-                     double *acceleration, double *force, int32_t *count, double *torque)
-{
+                     double *acceleration, double *force, int32_t *count, double *torque) {
     for (size_t tick = 0; tick < ticks; tick++) {
         double *held = &torque[2u * tick];
         impid_plant_control(plant, &reference[4u * tick], held);

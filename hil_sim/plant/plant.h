@@ -64,8 +64,8 @@ void impid_plant_rest(impid_plant *plant, const double *q);
 
 /* One row per substep s, which lasts from grid point s to s + 1: q and w at its end, acceleration of the
  * end-effector and force of the load on the robot as means over it (exact to the order of the
- * integration, also where the torque steps). One row per tick: the counts that were read at the tick, and the torque
- * that is held from then on.
+ * integration, also where the torque steps). One row per tick: the counts that were read at the tick, and the
+ * torque that is held from then on.
  *
  * reference: ticks rows of q1, q2 (rad), w1, w2 (rad/s). */
 void impid_plant_run(impid_plant *plant, size_t ticks, const double *reference, double *q, double *w,
