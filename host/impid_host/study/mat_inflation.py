@@ -1,7 +1,7 @@
 """How large the compressed variables of a MATLAB 5 file become, found out without unpacking them.
 
-A megabyte of zlib can hold a gigabyte of zeros, and the sizes that a variable's header claims need not be true of
-the fields of a structure. So each compressed element runs through zlib in small pieces, counted and dropped.
+A megabyte of zlib can hold a gigabyte of zeros, and the sizes that a header claims need not be true of the
+fields of a structure. So each compressed element runs through zlib in small pieces, counted and dropped.
 """
 
 import struct

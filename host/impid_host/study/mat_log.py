@@ -6,13 +6,14 @@ columns of a matrix are named `matrix[1]`, `matrix[2]`, ... along its shorter si
 """
 
 import itertools
-import warnings
+import subprocess
+import sys
+import tempfile
 from pathlib import Path
 from typing import Any
 
 import h5py
 import numpy as np
-import scipy.io
 from numpy.typing import NDArray
 
 from impid_host.errors import InputError
@@ -23,9 +24,7 @@ MAX_ARRAY_BYTES = 1 << 30
 MAX_INFLATED_BYTES = 1 << 29
 MAX_MATRIX_COLUMNS = 256
 _MAX_ENTRIES = 10_000
-_NUMERIC_CLASSES = (
-    "double", "single", "int8", "int16", "int32", "int64", "uint8", "uint16", "uint32", "uint64", "logical"
-)  # fmt: skip
+_CHILD_SECONDS = 120
 
 
 def _columns_of(name: str, shape: tuple[int, ...]) -> list[str]:
@@ -57,7 +56,7 @@ def _split(name: str) -> tuple[str, int | None]:
 
 
 class MatLog:
-    """A MATLAB file of version 4 to 7."""
+    """A MATLAB file of version 4 to 7, read by a child process: scipy's reader may crash on a damaged one."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -65,57 +64,39 @@ class MatLog:
             raise InputError(path, "is larger than 1 GiB", "cut the log into trials")
         if inflates_beyond(path, MAX_INFLATED_BYTES):
             raise InputError(path, "unpacks to more than one trial can hold", "cut the log into trials")
-        self._structures: dict[str, NDArray[Any]] = {}
-        self._names: list[str] = []
-        for name, shape, kind in self._guarded(lambda: scipy.io.whosmat(path)):
-            if kind in _NUMERIC_CLASSES and np.prod(shape, dtype=float) * 8 > MAX_ARRAY_BYTES:
-                raise _too_large(path, name)
-            if kind in _NUMERIC_CLASSES:
-                self._names += _columns_of(name, shape)
-            elif kind == "struct" and np.prod(shape, dtype=float) == 1:
-                self._add_structure(name)
+        self._arrays = self._read_in_child()
+        self._names = [
+            column for name, array in self._arrays.items() for column in _columns_of(name, array.shape)
+        ]
 
     def names(self) -> list[str]:
         return self._names
 
     def column(self, name: str) -> NDArray[np.float64]:
         variable, index = _split(name)
-        if variable in self._structures:
-            return _pick(self._structures[variable], index)
-        return _pick(self._load(variable), index)
+        return _pick(self._arrays[variable], index)
 
     def row(self, index: int) -> int:
         return index + 1
 
-    def _add_structure(self, name: str) -> None:
-        record = self._load(name)
-        if record.dtype.names is None or record.size != 1:
-            return
-        for field in record.dtype.names:
-            value = record[field].item()
-            if isinstance(value, np.ndarray) and value.dtype.kind in "iufb":
-                self._structures[f"{name}.{field}"] = value
-                self._names += _columns_of(f"{name}.{field}", value.shape)
+    def _read_in_child(self) -> dict[str, NDArray[Any]]:
+        with tempfile.TemporaryDirectory(prefix="impid-mat-") as folder:
+            out = Path(folder) / "arrays.npz"
+            command = [sys.executable, "-m", "impid_host.study.mat_child", str(self.path.resolve()), str(out)]
+            try:
+                done = subprocess.run(command, capture_output=True, timeout=_CHILD_SECONDS, check=False)
+            except subprocess.TimeoutExpired:
+                raise self._unreadable(f"no end after {_CHILD_SECONDS} s") from None
+            if done.returncode == 2:
+                raise self._unreadable(done.stderr.decode(errors="replace").replace("\n", " ")[:120])
+            if done.returncode != 0:
+                raise self._unreadable("damaged so that the reader crashed on it")
+            with np.load(out, allow_pickle=False) as arrays:
+                return {str(name): arrays[f"a{i}"] for i, name in enumerate(arrays["names"])}
 
-    def _load(self, name: str) -> NDArray[Any]:
-        array = self._guarded(lambda: scipy.io.loadmat(self.path, variable_names=[name])[name])
-        if not isinstance(array, np.ndarray) or (
-            array.dtype.kind not in "iufb" and array.dtype.names is None
-        ):
-            raise InputError(self.path, f"variable {name} holds no real numbers", "map another variable")
-        return array
-
-    def _guarded(self, read: Any) -> Any:
-        try:
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore")
-                return read()
-        except InputError:
-            raise
-        except Exception as error:  # the reader lets through whatever a broken file provokes
-            reason = (str(error).splitlines() or [type(error).__name__])[0][:120]
-            remedy = "check it, or save it again with -v7 or -v7.3"
-            raise InputError(self.path, f"is no readable MATLAB file ({reason})", remedy) from None
+    def _unreadable(self, reason: str) -> InputError:
+        remedy = "check it, or save it again with -v7 or -v7.3"
+        return InputError(self.path, f"is no readable MATLAB file ({reason})", remedy)
 
 
 class Hdf5Log:

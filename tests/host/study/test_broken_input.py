@@ -142,7 +142,7 @@ def test_damaged_mapping(tmp_path: Path, data: st.DataObject) -> None:
         import_logs([tmp_path / "log.csv"], tmp_path / "map.toml", "s")
 
 
-@QUICK
+@settings(QUICK, max_examples=12)  # each example is a process
 @given(data=st.data())
 def test_damaged_mat(tmp_path: Path, data: st.DataObject) -> None:
     path = tmp_path / "log.mat"

@@ -265,6 +265,16 @@ def test_compressed_mat_files_are_read(tmp_path: Path) -> None:
     check(run(tmp_path, MAPPING, tmp_path / "c.mat"))
 
 
+def test_a_crash_of_the_mat_reader_is_an_error_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    write_mat5(tmp_path / "m.mat")
+    crashing = tmp_path / "python"
+    crashing.write_text("#!/bin/sh\nkill -SEGV $$\n")
+    crashing.chmod(0o755)
+    monkeypatch.setattr("impid_host.study.mat_log.sys.executable", str(crashing))
+    with pytest.raises(InputError, match=r"m.mat: is no readable MATLAB file .*the reader crashed"):
+        run(tmp_path, MAPPING, tmp_path / "m.mat")
+
+
 def test_mat_objects_run_nothing(tmp_path: Path) -> None:
     scipy.io.savemat(tmp_path / "m.mat", {"time": np.array([[1, "x"]], dtype=object), "angle": T, "drive": T})
     with pytest.raises(InputError, match="has no column time"):
