@@ -20,5 +20,7 @@ def measured_data() -> Path:
     if (folder / "emps").is_dir():
         return folder
     if named:
-        pytest.fail(f"IMPID_DATA names {folder}, which holds no folder `emps`; see docs/data.md", pytrace=False)
+        pytest.fail(
+            f"IMPID_DATA names {folder}, which holds no folder `emps`; see docs/data.md", pytrace=False
+        )
     pytest.skip(f"measured data not found at {folder}; set IMPID_DATA to their folder (docs/data.md)")
