@@ -1,0 +1,243 @@
+"""CAN frames to samples, statuses and answers: the same records as from the serial line.
+
+A sample is an ACCEL and an ENCODER frame; each carries low bits of the sample index, so a lost half is seen
+and never paired with a neighbour. The instant comes from the latest TIME and EPOCH pair, which the board
+sends just before the sample that it dates. After a START or a reset nothing is dated until the next pair: a
+sample without a date is not used, because a guess could splice two boots.
+
+The bus carries no time of sending for statuses and answers; theirs is that of the latest sample.
+"""
+
+from dataclasses import astuple, dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from impid_host.samples import FLAG_RESET
+from impid_host.wire.decoder import LinkCounts, device_samples, rows_of, scalars
+from impid_host.wire.messages import (
+    ACCEL,
+    ENCODER,
+    EPOCH,
+    OPCODE,
+    PONG,
+    PROTOCOL_VERSION,
+    RESPONSE,
+    RESULT,
+    SAMPLE_PERIOD_US,
+    STATUS,
+    TIME,
+    Words,
+)
+from impid_host.wire.records import BoardStatus, Decoded, Loss, NewRun, Pong, Response, Segment
+from impid_host.wire.tracker import Groups, Tracker
+
+_MASK32 = 0xFFFFFFFF
+_UNDATED = -1
+
+
+@dataclass(frozen=True, slots=True)
+class _Date:
+    """The sample `index` (32 bit) of boot `boot_id` belongs to t_us; holds from frame `position` on."""
+
+    position: int
+    boot_id: int
+    index: int
+    t_us: int
+
+
+@dataclass(frozen=True, slots=True)
+class _Halves:
+    """Paired frames: the words of N samples, and where in the piece the first of each pair stood."""
+
+    accel: Words
+    encoder: Words
+    position: NDArray[np.intp]
+
+
+@dataclass(slots=True)
+class CanDecoder:
+    """Decoder of one bus; feed it frames in order of arrival."""
+
+    _tracker: Tracker = field(default_factory=Tracker)
+    _good: int = 0
+    _unpaired: int = 0
+    _undated: int = 0
+    _accel: Words = field(default_factory=lambda: np.zeros(0, np.uint64))  # a first half that waits
+    _time: dict[str, int] | None = None  # a TIME that waits for its EPOCH
+    _date: _Date | None = None
+    _date_used: bool = False
+    _last: tuple[int, int, int] = (0, 0, 0)  # boot_id, t_us, next index of the latest sample
+    _start_index: int | None = None
+    _status: dict[int, dict[str, int]] = field(default_factory=dict)
+
+    @property
+    def counts(self) -> LinkCounts:
+        """Totals so far; bad frames are halves without the other, inconsistent are samples without a date."""
+        samples = astuple(self._tracker.counts)
+        return LinkCounts(self._good, self._unpaired, 0, 0, self._undated, *samples)
+
+    def feed(self, identifiers: NDArray[np.uint16], words: Words) -> Decoded:
+        """What the frames complete: identifiers and payloads (one little-endian word each), shape (N,).
+
+        Frames of other identifiers, which other devices on the bus may send, are passed over.
+        """
+        halves = self._pair(identifiers, words)
+        is_data = (identifiers == ACCEL.frame_id) | (identifiers == ENCODER.frame_id)
+        dates: list[_Date | None] = [self._date and _Date(-1, *astuple(self._date)[1:])]
+        breaks: list[int] = []
+        others = np.flatnonzero(~is_data).tolist()
+        for at in others:
+            identifier, word = int(identifiers[at]), int(words[at])
+            if identifier == TIME.frame_id:
+                self._time = scalars(TIME, word)
+            elif identifier == EPOCH.frame_id:
+                dates += self._epoch(at, scalars(EPOCH, word))
+            elif identifier == RESPONSE.frame_id and _starts(scalars(RESPONSE, word)):
+                breaks.append(at)
+        segments, events = self._place(halves, [date for date in dates if date is not None], breaks)
+        answers = self._answers(identifiers, words, others)
+        return Decoded(tuple(segments), *answers, tuple(events))
+
+    def _pair(self, identifiers: NDArray[np.uint16], words: Words) -> _Halves:
+        at = np.flatnonzero((identifiers == ACCEL.frame_id) | (identifiers == ENCODER.frame_id))
+        waiting = len(self._accel)
+        word = np.concatenate([self._accel, words[at].astype(np.uint64)])
+        position = np.concatenate([np.full(waiting, -1, dtype=np.intp), at])
+        first = np.concatenate([np.ones(waiting, dtype=np.bool_), identifiers[at] == ACCEL.frame_id])
+        pair = np.flatnonzero(first[:-1] & ~first[1:])
+        index = ACCEL.unpack(word[pair])["index_low16"]
+        pair = pair[(index & np.uint64(0xFF)) == ENCODER.unpack(word[pair + 1])["index_low8"]]
+        keep = len(word) > 0 and bool(first[-1])
+        self._accel = word[-1:] if keep else word[:0]
+        self._good += 2 * len(pair)
+        self._unpaired += len(word) - int(keep) - 2 * len(pair)
+        return _Halves(word[pair], word[pair + 1], position[pair])
+
+    def _epoch(self, at: int, epoch: dict[str, int]) -> list[_Date]:
+        time, self._time = self._time, None
+        if (
+            time is None
+            or time["index_low16"] != epoch["index"] & 0xFFFF
+            or epoch["version"] != PROTOCOL_VERSION
+        ):
+            return []
+        self._good += 2
+        self._date = _Date(at, epoch["boot_id"], epoch["index"], time["t_us"])
+        return [self._date]
+
+    def _place(
+        self, halves: _Halves, dates: list[_Date], breaks: list[int]
+    ) -> tuple[list[Segment], list[Loss | NewRun]]:
+        accel, encoder = ACCEL.unpack(halves.accel), ENCODER.unpack(halves.encoder)
+        which = _date_of(halves.position, dates, breaks)
+        _forget_at_resets(which, accel["flags"].astype(np.uint8), dates, used=self._date_used)
+        if len(which) or len(dates) > 1:
+            self._date_used = bool(len(which)) and which[-1] == len(dates) - 1
+        if breaks and (not dates or dates[-1].position < breaks[-1]):
+            self._date = None
+        if len(which) and which[-1] == _UNDATED and (not dates or dates[-1].position <= halves.position[-1]):
+            self._date = None
+        dated = np.flatnonzero(which != _UNDATED)
+        self._undated += len(which) - len(dated)
+        if not len(dated):
+            return [], []
+        which = which[dated]
+        accel = {name: values[dated] for name, values in accel.items()}
+        encoder = {name: values[dated] for name, values in encoder.items()}
+        base = np.array([d.index for d in dates], dtype=np.int64)[which]
+        # The nearest index with these low bits: a first half may have come just before its date.
+        since = (accel["index_low16"].astype(np.int64) - base + 0x8000) % 0x10000 - 0x8000
+        index = ((base + since) & _MASK32).astype(np.uint64)
+        dated_us = np.array([d.t_us for d in dates], dtype=np.int64)[which]
+        t_us = (dated_us + since * SAMPLE_PERIOD_US).astype(np.uint64)
+        boot = np.array([d.boot_id for d in dates], dtype=np.uint16)[which]
+        ones = np.ones(len(index), dtype=np.uint8)
+        spans, events = self._tracker.place(Groups(boot, index.astype(np.uint32), t_us, ones))
+        samples = device_samples(t_us, index, accel, encoder)
+        segments = [
+            Segment(
+                span.boot_id,
+                span.run,
+                np.uint64(span.first_index) + np.arange(span.stop - span.start, dtype=np.uint64),
+                rows_of(samples, slice(span.start, span.stop)),
+            )
+            for span in spans
+        ]
+        self._last = (int(boot[-1]), int(t_us[-1]), (int(index[-1]) + 1) & _MASK32)
+        return segments, events
+
+    def _answers(
+        self, identifiers: NDArray[np.uint16], words: Words, others: list[int]
+    ) -> tuple[tuple[BoardStatus, ...], tuple[Response, ...], tuple[Pong, ...]]:
+        statuses: list[BoardStatus] = []
+        responses: list[Response] = []
+        pongs: list[Pong] = []
+        layouts = {layout.frame_id: layout for layout in (*STATUS, RESPONSE, PONG)}
+        for at in others:
+            layout = layouts.get(int(identifiers[at]))
+            if layout is None:
+                continue
+            self._good += 1
+            signals = scalars(layout, int(words[at]))
+            if layout is RESPONSE:
+                responses.append(self._response(signals))
+            elif layout is PONG:
+                pongs.append(self._pong(signals))
+            else:
+                statuses += self._status_part(layout.frame_id, signals)
+        return tuple(statuses), tuple(responses), tuple(pongs)
+
+    def _response(self, signals: dict[str, int]) -> Response:
+        boot_id, t_us, next_index = self._last
+        if _starts(signals):
+            self._start_index = next_index = signals["value"]
+        elif signals["opcode"] == OPCODE["STOP"] and self._start_index is not None:
+            next_index = (self._start_index + signals["value"]) & _MASK32  # its value is the samples produced
+        return Response(boot_id, t_us, next_index, **signals)
+
+    def _pong(self, signals: dict[str, int]) -> Pong:
+        boot_id, latest_us, _ = self._last
+        half = 1 << 31  # the nearest instant with these low bits: the ping may be before the latest sample
+        t2_us = latest_us + (signals["t2_us"] - latest_us + half) % (2 * half) - half
+        return Pong(boot_id, signals["request_id"], t2_us, t2_us + signals["hold_us"])
+
+    def _status_part(self, identifier: int, signals: dict[str, int]) -> list[BoardStatus]:
+        """The seven come in order; a set with one missing is dropped."""
+        if identifier == STATUS[0].frame_id:
+            self._status.clear()
+        self._status[identifier] = signals
+        if identifier != STATUS[-1].frame_id or len(self._status) != len(STATUS):
+            return []
+        merged = {name: value for part in self._status.values() for name, value in part.items()}
+        self._status.clear()
+        return [BoardStatus(*self._last, **merged)]
+
+
+def _starts(response: dict[str, int]) -> bool:
+    return response["opcode"] == OPCODE["START"] and response["result"] == RESULT["OK"]
+
+
+def _date_of(position: NDArray[np.intp], dates: list[_Date], breaks: list[int]) -> NDArray[np.intp]:
+    """For each sample the date that holds for it, or _UNDATED; shape (N,)."""
+    at = np.array([date.position for date in dates], dtype=np.intp)
+    which = np.searchsorted(at, position, side="right") - 1
+    # Position -1 is the date, and the first half, that the piece before left behind.
+    for start in breaks:
+        stale = (position > start) & ((which < 0) | (np.append(at, -1)[which] < start))
+        which[stale] = _UNDATED
+    return which
+
+
+def _forget_at_resets(
+    which: NDArray[np.intp], flags: NDArray[np.uint8], dates: list[_Date], *, used: bool
+) -> None:
+    """The first sample of a boot that has no date of its own: the date at hand belongs to the boot before.
+
+    `used` says whether the first of the dates has dated samples of an earlier piece.
+    """
+    for reset in np.flatnonzero(flags & FLAG_RESET).tolist():
+        date = which[reset]
+        old = date == which[reset - 1] if reset else used and date == 0 and dates[0].position == -1
+        if old:
+            which[reset:][which[reset:] == date] = _UNDATED
