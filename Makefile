@@ -1,16 +1,48 @@
-# One entry for everything. `make demo` and `make test` set up what they need.
-PYTHON ?= python3.11
+# One entry for everything; `make demo` and `make test` set up what they need.
+PYTHON ?= $(shell command -v python3.11 || command -v python3)
 VENV   := .venv
 BIN    := $(VENV)/bin
 STAMP  := $(VENV)/.installed
+C_SOURCES := $(wildcard firmware/core/*.[ch] firmware/generated/*.[ch] firmware/boards/native/*.[ch] hil_sim/plant/*.[ch])
 
-.PHONY: help demo test lint firmware validate clean system
+.PHONY: help setup demo test lint test-python test-firmware validate clean
 
-help: ## this list
-	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/'
+help: ## print this list
+	@grep -E '^[a-z-]+:.*## ' $(firstword $(MAKEFILE_LIST)) | sed -E 's/^([a-z-]+):.*## /  make \1\t/' | expand -t 24
 
-$(STAMP): pyproject.toml setup.py
-	@test -x $(BIN)/python || $(PYTHON) -m venv $(VENV) 2>/dev/null || python3 -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --upgrade pip
-	$(BIN)/python -m pip install --quiet --editable '.[dev]'
+# cffi compiles against Python's own header, which some systems package apart.
+$(VENV)/bin/python:
+	@test -n "$(PYTHON)" || { echo "impid needs Python 3.11 or newer; none was found" >&2; exit 1; }
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { echo "impid needs Python 3.11 or newer; $(PYTHON) is older: make PYTHON=/path/to/python3.11" >&2; exit 1; }
+	@$(PYTHON) -c 'import pathlib, sysconfig, sys; sys.exit(not (pathlib.Path(sysconfig.get_path("include")) / "Python.h").exists())' || { echo "Python's C header is missing; on Debian: sudo apt-get install python3-dev" >&2; exit 1; }
+	@command -v cc >/dev/null || { echo "impid needs a C compiler; on Debian: sudo apt-get install gcc libc6-dev" >&2; exit 1; }
+	$(PYTHON) -m venv $(VENV)
+
+$(STAMP): pyproject.toml setup.py $(C_SOURCES) | $(VENV)/bin/python
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev]'
 	@touch $@
+
+setup: $(STAMP) ## make the virtual environment with everything in it
+
+demo: $(STAMP) ## record, sync, fit and plot on the simulator
+	@PATH="$(CURDIR)/$(BIN):$$PATH" scripts/demo.sh
+
+test: lint test-firmware test-python ## everything that must pass
+
+lint: $(STAMP)
+	$(BIN)/ruff format --check .
+	$(BIN)/ruff check .
+	$(BIN)/mypy
+	$(BIN)/python scripts/generate_protocol.py --check
+	scripts/check_firmware.sh
+
+test-firmware: $(STAMP)
+	scripts/system_packages.sh
+	scripts/pio.sh test -e native
+
+test-python: $(STAMP)
+	scripts/system_packages.sh
+	$(BIN)/pytest -n 2 --dist loadfile -q
+
+clean: ## remove what was built, but nothing that was recorded
+	rm -rf $(VENV) build .pio .pio-core *.egg-info hil_sim/_native*
