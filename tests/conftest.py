@@ -12,7 +12,7 @@ CHECKOUT = Path(__file__).resolve().parent.parent
 def measured_data() -> Path:
     """The folder of measured data: `IMPID_DATA`, or `shared/data` beside the checkout. Mark users `measured`.
 
-    Without the data the test is skipped with a reason that says so; a wrong `IMPID_DATA` is a failure, because
+    Without the data the test is skipped with a reason that says so. A wrong `IMPID_DATA` fails, since
     whoever set it meant the tests to run.
     """
     named = os.environ.get("IMPID_DATA")
