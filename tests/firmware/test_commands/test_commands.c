@@ -208,6 +208,9 @@ static void test_damaged_and_foreign_input_is_counted(void) {
     uint8_t record[8] = {0};
     uint8_t encoded[IMPID_FRAME_ENCODED_MAX];
     impid_core_serial_receive(&core, encoded, impid_frame_encode(&header, record, encoded), 0);
+    header.version++; /* a host of another protocol */
+    header.kind = IMPID_MESSAGES_BATCH_KIND_COMMAND_CHOICE;
+    impid_core_serial_receive(&core, encoded, impid_frame_encode(&header, record, encoded), 0);
     impid_can_frame_t can = {.id = IMPID_MESSAGES_COMMAND_FRAME_ID, .dlc = 7};
     impid_core_can_receive(&core, &can, 0);
     can = (impid_can_frame_t){.id = 0x7FF, .dlc = 8}; /* other traffic on a shared bus */
@@ -216,7 +219,7 @@ static void test_damaged_and_foreign_input_is_counted(void) {
     struct impid_messages_status_commands_t commands;
     const uint8_t *status = fake_last_record(&fake, IMPID_MESSAGES_BATCH_KIND_STATUS_CHOICE);
     (void)impid_messages_status_commands_unpack(&commands, &status[32], 8);
-    TEST_ASSERT_EQUAL_UINT32(3, commands.rejected);
+    TEST_ASSERT_EQUAL_UINT32(4, commands.rejected);
     TEST_ASSERT_EQUAL_UINT32(1, commands.accepted);
 }
 
