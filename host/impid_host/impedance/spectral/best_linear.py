@@ -51,7 +51,8 @@ class BestLinearApproximation:
             return f"linear as far as the noise lets see ({noise:.2g} % of the response)"
         return (
             f"nonlinear distortion of {distortion:.2g} % of the response per realisation, noise "
-            f"leaves {noise:.2g} % on the mean (p = {self.p_value:.2g}); a linear model holds at this amplitude only"
+            f"leaves {noise:.2g} % on the mean (p = {self.p_value:.2g}); a linear model holds at this "
+            "amplitude only"
         )
 
     def __str__(self) -> str:
