@@ -4,7 +4,7 @@ import signal
 import sys
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -110,7 +110,9 @@ def _record(
             outcome = recorder.run(duration_s or float("inf"), stopped=stopped, report=show)
         summary = {"ending": outcome.ending} | {k: str(v) for k, v in asdict(outcome.progress.counts).items()}
     finally:
-        writer.close(summary)
+        # After a full disk the file is whole up to its last flush, without an index; its reader says so.
+        with suppress(InputError):
+            writer.close(summary)
     return outcome
 
 
@@ -124,11 +126,13 @@ def _conclude(outcome: Outcome, out: Path, duration_s: float | None, speed: floa
     except UndeterminedError:
         clock = "clock not determined (too few answers to pings)"
     books = "; ".join(str(ledger) for ledger in recording.ledgers) or "no samples"
-    click.echo(
-        f"{out}: {stored} samples stored, {lost} lost, {outcome.progress.elapsed_s:.3f} s; {clock}; {books}"
-    )
+    click.echo(f"{out}: {stored} samples stored, {lost} lost, {recording.duration_s:.3f} s; {clock}; {books}")
     if outcome.ending == "disconnected":
         raise LinkError(f"{outcome.trouble}; what was recorded until then is kept in {out}")
+    if outcome.ending == "disk-full":
+        raise LinkError(outcome.trouble)
+    if recording.warnings:
+        raise LinkError(recording.warnings[0])
     if any(ledger.balanced is False for ledger in recording.ledgers):
         raise LinkError(
             f"{out}: the board's count of samples does not agree with what arrived; see the line above"

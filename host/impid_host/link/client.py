@@ -85,6 +85,10 @@ class BoardClient:
         """What came over the link so far, and what was lost."""
         return self._decoder.counts
 
+    def mute(self) -> None:
+        """Tell nobody any more what passes."""
+        self.listener = _Nobody()
+
     def pump(self, timeout_s: float) -> bool:
         """Take one chunk if one comes in time; True if it did.
 

@@ -20,6 +20,7 @@ class Appender:
         self._descriptor = descriptor
         self._waiting = bytearray()
         self._written = 0
+        self._failure: InputError | None = None
 
     @classmethod
     def create(cls, path: Path) -> Self:
@@ -56,9 +57,13 @@ class Appender:
     def flush(self) -> None:
         """Hand what was collected to the operating system: a killed program no longer loses it.
 
+        After a failure nothing more is written.
+
         Raises:
             InputError: the disk is full or gone; the file then ends with the last whole piece.
         """
+        if self._failure is not None:  # what follows a gap would not fit what stands before it
+            raise self._failure
         view = memoryview(bytes(self._waiting))
         self._waiting.clear()
         done = 0
@@ -68,11 +73,12 @@ class Appender:
         except OSError as error:
             with contextlib.suppress(OSError):
                 os.ftruncate(self._descriptor, self._written)
-            raise InputError(
+            self._failure = InputError(
                 self.path,
                 f"cannot be written on ({error.strerror})",
                 "what was recorded until then is kept in it; free some space before the next recording",
-            ) from None
+            )
+            raise self._failure from None
         self._written += done
 
     def sync(self) -> None:

@@ -18,6 +18,7 @@ from impid_host.errors import InputError
 from impid_host.recording import channels
 from impid_host.recording.ledger import RunLedger, balance
 from impid_host.wire.decoder import LinkCounts, SerialDecoder
+from impid_host.wire.messages import SAMPLE_PERIOD_US
 from impid_host.wire.records import BoardStatus, Loss, Response, Segment, join_segments
 
 # A chunk holds 100 ms, a few kB; anything far larger is damage and must not fill the memory.
@@ -62,6 +63,12 @@ class Recording:
     counts: LinkCounts
     ledgers: tuple[RunLedger, ...]
     warnings: tuple[str, ...]
+
+    @property
+    def duration_s(self) -> float:
+        """Board time from first to last sample, summed over the runs, lost samples included."""
+        spans = (int(s.samples.t_us[-1]) - int(s.samples.t_us[0]) + SAMPLE_PERIOD_US for s in self.segments)
+        return sum(spans) * 1e-6
 
     @property
     def nominal_rate(self) -> float:

@@ -2,12 +2,13 @@
 
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import asdict, dataclass
 from math import inf
 from typing import Literal
 
 from impid_host.clock.device import EXCHANGE_RATE_HZ, ClockEstimate, ClockExchange, OnlineClock
-from impid_host.errors import LinkError
+from impid_host.errors import InputError, LinkError
 from impid_host.link.client import BoardClient
 from impid_host.link.port import Chunk
 from impid_host.recording.writer import RecordingWriter
@@ -21,7 +22,7 @@ _DRAIN_S = 0.5
 # STATUS frames come at 10 Hz even from an idle board: a silence this long means that it is gone.
 _SILENCE_S = 3.0
 
-Ending = Literal["complete", "interrupted", "disconnected"]
+Ending = Literal["complete", "interrupted", "disconnected", "disk-full"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,11 +78,10 @@ class Recorder:
 
         With a duration of inf it is complete whenever it is stopped.
 
-        The board is stopped and its last status fetched in any case but the last.
+        The board is stopped in any case but the last, also when the disk is full.
 
         Raises:
             LinkError: the board does not start.
-            InputError: the disk is full.
         """
         self._client.stop()
         started = self._client.start()
@@ -94,6 +94,11 @@ class Recorder:
         except LinkError as error:
             ending, trouble = "disconnected", str(error)
             self._writer.event("disconnected", reason=trouble)
+        except InputError as error:
+            ending, trouble = "disk-full", str(error)
+            self._client.mute()
+            with suppress(LinkError):
+                self._client.stop()
         progress = self._progress()
         report(progress)
         return Outcome(ending, progress, tuple(self._exchanges), status, trouble)

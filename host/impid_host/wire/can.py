@@ -200,6 +200,7 @@ class CanDecoder:
         boot_id, latest_us, _ = self._last
         half = 1 << 31  # the nearest instant with these low bits: the ping may be before the latest sample
         t2_us = latest_us + (signals["t2_us"] - latest_us + half) % (2 * half) - half
+        t2_us += 2 * half if t2_us < 0 else 0
         return Pong(boot_id, signals["request_id"], t2_us, t2_us + signals["hold_us"])
 
     def _status_part(self, identifier: int, signals: dict[str, int]) -> list[BoardStatus]:

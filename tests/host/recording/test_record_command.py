@@ -2,6 +2,7 @@
 
 import os
 import pty
+import resource
 import signal
 import subprocess
 import sys
@@ -13,7 +14,10 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 from impid_host.cli import cli
+from impid_host.link.client import BoardClient
+from impid_host.link.port import SerialLink
 from impid_host.recording.reader import read_recording
+from impid_host.wire.messages import choices
 
 PROGRAM = [sys.executable, "-c", "from impid_host.cli import main; main()", "record"]
 
@@ -120,6 +124,29 @@ def test_interrupted_before_the_duration_is_not_a_success(board, out: Path) -> N
     _, complained = done.communicate(timeout=20)
     assert done.returncode == 1
     assert "interrupted before the 60 s" in complained
+
+
+def test_a_full_disk_ends_it_with_what_was_recorded(board, out: Path) -> None:
+    """The limit on the size of a file stands for the disk."""
+    command = [*PROGRAM, "--port", board.port, "--duration", "60", "--out", str(out)]
+    done = subprocess.run(
+        command,
+        capture_output=True,
+        text=True,
+        timeout=40,
+        check=False,
+        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (60_000, 60_000)),
+    )
+    assert done.returncode == 1
+    assert "cannot be written on (File too large)" in done.stderr
+    assert len(done.stderr.strip().splitlines()) == 1
+    recording = read_recording(out)
+    stored = len(recording.segments[0])
+    assert stored > 200
+    assert "0 of its" in recording.warnings[0]
+    assert f"{stored} samples stored, 0 lost" in done.stdout
+    with SerialLink.open(board.port) as link:
+        assert BoardClient(link).status().state == choices("STATUS_HEALTH", "state")["IDLE"]
 
 
 def test_the_cable_is_pulled(board, out: Path) -> None:
