@@ -18,9 +18,14 @@ from impid_host.signals.chain import CHAINS
 
 
 @click.command()
-@click.argument("paths", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="STUDY|RECORDING...")
+@click.argument(
+    "paths", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="STUDY|RECORDING..."
+)
 @click.option(
-    "--robot-log", multiple=True, type=click.Path(path_type=Path), help="Robot log (CSV) of each recording, in order."
+    "--robot-log",
+    multiple=True,
+    type=click.Path(path_type=Path),
+    help="Robot log (CSV) of each recording, in order.",
 )
 @click.option("--setup", type=click.Path(path_type=Path), help="setup.toml that goes with recordings.")
 @click.option(
@@ -52,9 +57,13 @@ from impid_host.signals.chain import CHAINS
     metavar="SECONDS",
     help="Hold out the end of each trial for validation (at most a fifth); 0 fits everything.",
 )
-@click.option("--json", "json_to", metavar="FILE|-", help="Also write the result as JSON (- for standard output).")
-@click.option("--figures", type=click.Path(path_type=Path, file_okay=False), help="Write figures (PNG) to this folder.")
-def command(
+@click.option(
+    "--json", "json_to", metavar="FILE|-", help="Also write the result as JSON (- for standard output)."
+)
+@click.option(
+    "--figures", type=click.Path(path_type=Path, file_okay=False), help="Write figures (PNG) to this folder."
+)
+def command(  # noqa: PLR0917  (click hands over every option by name)
     paths: tuple[Path, ...],
     robot_log: tuple[Path, ...],
     setup: Path | None,
@@ -68,8 +77,9 @@ def command(
 ) -> None:
     """Identify the robot, then the load or arm, with 95 % intervals.
 
-    The robot's parameters come from the free trials (or from [prior] in setup.toml when there are none); then every load,
-    all its trials together, by Method 1 (virtual force sensor) and, where the log has forces, Method 2 (physical sensor).
+    The robot's parameters come from the free trials (or from [prior] in setup.toml when there are none);
+    then every load, all its trials together, by Method 1 (virtual force sensor) and, where the log has
+    forces, Method 2 (physical sensor).
 
     \b
     Examples:
@@ -82,7 +92,7 @@ def command(
     options = Options(row, acceleration, terms, Split(validate))
     errors = Console(stderr=True)
     with errors.status("reading") as status:
-        result = fit_study(study, options, lambda words: status.update(words))
+        result = fit_study(study, options, status.update)
         if figures is not None:
             status.update("drawing")
             from impid_host.report.fit_figures import draw_study  # noqa: PLC0415  (matplotlib is slow to import)
@@ -93,7 +103,9 @@ def command(
         if figures is not None:
             click.echo(f"{len(drawn)} figures in {figures}")
     if json_to is not None:
-        text = json.dumps(fit_json(result.study, result.chain, result.trials, result.robot, result.loads), indent=2)
+        text = json.dumps(
+            fit_json(result.study, result.chain, result.trials, result.robot, result.loads), indent=2
+        )
         if json_to == "-":
             click.echo(text)
         else:
@@ -105,6 +117,8 @@ def _print(result: StudyFit) -> None:
     if isinstance(result.robot, RobotFit):
         console.print(robot_table(result.robot))
     else:
-        console.print("Robot parameters from \\[prior] in setup.toml; their uncertainty is not known and not propagated.")
+        console.print(
+            "Robot parameters from \\[prior] in setup.toml; their uncertainty is unknown and not propagated."
+        )
     for load in dict.fromkeys(fit.load for fit in result.loads):
         console.print(load_table([fit for fit in result.loads if fit.load == load]))

@@ -32,7 +32,9 @@ def load_inputs(paths: Sequence[Path], robot_logs: Sequence[Path], setup: Path |
     with notices_as_lines(lambda line: click.echo(line, err=True)):
         if paths[0].is_dir() or paths[0].suffix.lower() != ".mcap":
             if len(paths) > 1:
-                raise InputError(paths[1], "is one path too many", "give one study folder, or recordings (.mcap)")
+                raise InputError(
+                    paths[1], "is one path too many", "give one study folder, or recordings (.mcap)"
+                )
             return read_study(paths[0])
         if setup is None:
             raise InputError(paths[0], "is a recording and needs its apparatus", "add --setup setup.toml")
@@ -53,7 +55,8 @@ def _trial(path: Path, log: Path, setup: Setup) -> Trial:
     longest = max(recording.segments, key=lambda segment: len(segment.samples))
     if len(recording.segments) > 1:
         click.echo(
-            f"{path}: {len(recording.segments)} runs (board reset or reconnect); the longest is used", err=True
+            f"{path}: {len(recording.segments)} runs (board reset or reconnect); the longest is used",
+            err=True,
         )
     kind = next((kind for start, kind in _KIND_OF_NAME if path.stem.lower().startswith(start)), None)
     if kind is None:

@@ -14,17 +14,26 @@ from impid_host.signals.align import match_trial
 
 
 @click.command()
-@click.argument("paths", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="STUDY|RECORDING...")
+@click.argument(
+    "paths", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="STUDY|RECORDING..."
+)
 @click.option(
-    "--robot-log", multiple=True, type=click.Path(path_type=Path), help="Robot log (CSV) of each recording, in order."
+    "--robot-log",
+    multiple=True,
+    type=click.Path(path_type=Path),
+    help="Robot log (CSV) of each recording, in order.",
 )
 @click.option("--setup", type=click.Path(path_type=Path), help="setup.toml that goes with recordings.")
-@click.option("--json", "json_to", metavar="FILE|-", help="Also write the result as JSON (- for standard output).")
-def command(paths: tuple[Path, ...], robot_log: tuple[Path, ...], setup: Path | None, json_to: str | None) -> None:
+@click.option(
+    "--json", "json_to", metavar="FILE|-", help="Also write the result as JSON (- for standard output)."
+)
+def command(
+    paths: tuple[Path, ...], robot_log: tuple[Path, ...], setup: Path | None, json_to: str | None
+) -> None:
     """Offset and drift of the board's clock against the robot's, trial by trial.
 
-    Both log the same joint angles; matching the two angle signals gives the offset to a fraction of a microsecond.
-    A motion that leaves the clocks open is refused.
+    Both log the same joint angles; matching the two angle signals gives the offset to a fraction of a
+    microsecond. A motion that leaves the clocks open is refused.
 
     \b
     Examples:
@@ -34,7 +43,9 @@ def command(paths: tuple[Path, ...], robot_log: tuple[Path, ...], setup: Path | 
     study = load_inputs(paths, robot_log, setup)
     trials = [trial for trial in study.trials if trial.device is not None]
     if not trials:
-        raise UndeterminedError(f"{study.name}: no trial has a device.csv, so there is no second clock to match")
+        raise UndeterminedError(
+            f"{study.name}: no trial has a device.csv, so there is no second clock to match"
+        )
     fits = [(trial.name, match_trial(trial, study.setup)) for trial in trials]
     if json_to != "-":
         Console().print(clock_table(fits))

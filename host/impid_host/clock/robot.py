@@ -1,12 +1,14 @@
 """Offset and drift between the module's clock and the robot's, from the angles that both of them log.
 
-The module counts the same encoders that the robot's controller reads, so the two logs show one motion on two clocks.
-Three steps: the normalised cross-correlation of the velocities finds every alignment worth a try, whatever the
-offset; a weighted least-squares fit of offset and rate (and of one constant per joint, since the controller may round
-its angle otherwise than the module) refines each; the alignment with the smallest residual wins, if it wins clearly.
+The module counts the same encoders that the robot's controller reads, so the two logs show one motion on two
+clocks. Three steps: the normalised cross-correlation of the velocities finds every alignment worth a try,
+whatever the offset; a weighted least-squares fit of offset and rate (and of one constant per joint, since
+the controller may round its angle otherwise than the module) refines each; the alignment with the smallest
+residual wins, if it wins clearly.
 
-The velocity in the estimating equation is smoothed. Taken from the raw counts it would carry the same quantisation noise
-as the residual, and their product would shift the offset by up to a tenth of a microsecond.
+The velocity in the estimating equation is smoothed. Taken from the raw counts it would carry the same
+quantisation noise as the residual, and their product would shift the offset by up to a tenth of a
+microsecond.
 """
 
 from dataclasses import dataclass
@@ -32,11 +34,11 @@ _BLOCK_S = 1.0
 
 @dataclass(frozen=True, slots=True)
 class RobotClockFit:
-    """How the module's clock follows from the robot's: t_device = device_ref + (1 + drift) (t_robot - robot_ref).
+    """The module's clock from the robot's: t_device = device_ref + (1 + drift) (t_robot - robot_ref).
 
     Attributes:
-        robot_ref_s, device_ref_s: the same instant on either clock, the centre of the overlap, where offset and drift
-            are uncorrelated; s.
+        robot_ref_s, device_ref_s: the same instant on either clock, the centre of the overlap, where offset
+            and drift are uncorrelated; s.
         drift: module seconds per robot second, minus one.
         covariance: of (device_ref_s in s, drift), shape (2, 2).
         dof: degrees of freedom behind the covariance.
@@ -94,7 +96,7 @@ class RobotClockFit:
 
 @dataclass(frozen=True, slots=True)
 class _Motion:
-    """One log: times from its first row (s), angles (N, n), where a value between two rows can be believed."""
+    """One log: times from its first row, s, shape (N,), and angles, shape (N, n)."""
 
     t: Floats
     theta: Floats
@@ -121,7 +123,8 @@ class _Interpolant:
         knots, period = self.motion.t, self.motion.period
         right = np.clip(np.searchsorted(knots, t), 3, len(knots) - 3)
         inside = (t > knots[2]) & (t < knots[-3])
-        return inside & ((knots[right + 2] - knots[right - 3]) < 6.5 * period)
+        result: Mask = inside & ((knots[right + 2] - knots[right - 3]) < 6.5 * period)
+        return result
 
     @property
     def resolution(self) -> Floats:
@@ -152,7 +155,9 @@ class _Solution:
         return float(np.sqrt(np.mean(self.residual**2)))
 
 
-def match_clocks(t_device_s: Floats, theta_device: Floats, t_robot_s: Floats, theta_robot: Floats) -> RobotClockFit:
+def match_clocks(
+    t_device_s: Floats, theta_device: Floats, t_robot_s: Floats, theta_robot: Floats
+) -> RobotClockFit:
     """Fit offset and drift of the module's clock against the robot's from their two angle logs.
 
     Args:
@@ -162,8 +167,8 @@ def match_clocks(t_device_s: Floats, theta_device: Floats, t_robot_s: Floats, th
         theta_robot: the controller's angles, shape (M, n), same unit.
 
     Raises:
-        UndeterminedError: too little motion, no common motion, or a motion that repeats itself so that several
-            offsets fit equally well.
+        UndeterminedError: too little motion, no common motion, or a motion that repeats itself so that
+            several offsets fit equally well.
     """
     if len(t_device_s) < 100 or len(t_robot_s) < 100:
         raise UndeterminedError("fewer than 100 rows in one of the two logs; the clocks cannot be matched")
@@ -177,7 +182,7 @@ def match_clocks(t_device_s: Floats, theta_device: Floats, t_robot_s: Floats, th
         if (solution := _refine(interpolant, robot, lag)) is not None
     ]
     best = _clear_winner(solutions)
-    covariance, dof = _covariance(best, robot)
+    covariance, dof = _covariance(best)
     fit = RobotClockFit(
         robot_ref_s=float(t_robot_s[0] + best.centre_robot),
         device_ref_s=float(t_device_s[0] + best.centre_device),
@@ -265,28 +270,32 @@ def _coarse_lags(device: _Motion, robot: _Motion) -> list[float]:
 
 
 def _refine(interpolant: _Interpolant, robot: _Motion, lag: float) -> _Solution | None:
-    """Grow the fitted stretch from the centre of the overlap outwards, so that the drift never leads it astray."""
+    """Grow the fitted stretch from the centre of the overlap, so that the drift never leads it astray."""
     begin = max(0.0, -lag)
     end = min(robot.duration, interpolant.motion.duration - lag)
     centre = 0.5 * (begin + end)
     half = _FIRST_HALF_WINDOW_S
     shift, drift = lag + centre, 0.0
     while True:
-        solution = _gauss_newton(interpolant, robot, centre, half, shift, drift)
+        solution = _gauss_newton(interpolant, robot, centre=centre, half=half, shift=shift, drift=drift)
         if solution is None or half >= 0.5 * (end - begin):
             break
         shift, drift, half = solution.centre_device, solution.drift, 2.0 * half
-    if solution is None or abs(solution.drift) > MAX_DRIFT or abs(solution.centre_device - centre - lag) > 1.0:
+    if (
+        solution is None
+        or abs(solution.drift) > MAX_DRIFT
+        or abs(solution.centre_device - centre - lag) > 1.0
+    ):
         return None
     return solution
 
 
 def _gauss_newton(
-    interpolant: _Interpolant, robot: _Motion, centre: float, half: float, shift: float, drift: float
+    interpolant: _Interpolant, robot: _Motion, *, centre: float, half: float, shift: float, drift: float
 ) -> _Solution | None:
     window = np.abs(robot.t - centre) <= half
     joints = robot.theta.shape[1]
-    weight: Floats | None = None
+    weight: Floats = np.ones((0, joints))
     resolution = interpolant.resolution
     for _ in range(30):
         t_device = shift + (1.0 + drift) * (robot.t - centre)
@@ -297,7 +306,7 @@ def _gauss_newton(
         omega = interpolant.velocity_at(t_dev)
         misfit = robot.theta[rows] - interpolant.angle(t_dev)
         design = _design(omega, t_row - centre, joints)
-        weight = np.ones_like(misfit) if weight is None or weight.shape != misfit.shape else weight
+        weight = weight if weight.shape == misfit.shape else np.ones_like(misfit)
         normal = np.einsum("kjp,kj,kjq->pq", design, weight, design)
         scale = np.sqrt(np.maximum(np.diag(normal), 1e-300))
         if np.linalg.cond(normal / np.outer(scale, scale)) > 1e10:
@@ -333,7 +342,8 @@ def _design(omega: Floats, elapsed: Floats, joints: int) -> Floats:
 def _weights(residual: Floats, omega: Floats, resolution: Floats) -> Floats:
     """Inverse variances for an angle noise plus a stamp jitter times speed; a late or stuck row gets none.
 
-    The noise is at least that of the counting: below one count per row most residuals are zero, and the few that
+    The noise is at least that of the counting: below one count per row most residuals are zero, and the few
+        that
     are not carry all the information.
     """
     weight = np.empty_like(residual)
@@ -370,7 +380,7 @@ def _clear_winner(solutions: list[_Solution]) -> _Solution:
     return best
 
 
-def _covariance(best: _Solution, robot: _Motion) -> tuple[Floats, float]:
+def _covariance(best: _Solution) -> tuple[Floats, float]:
     """Block sandwich: quantisation errors of a slow motion are not independent from row to row."""
     scores = np.einsum("kjp,kj,kj->kp", best.design, best.weight, best.residual)
     normal = np.einsum("kjp,kj,kjq->pq", best.design, best.weight, best.design)

@@ -49,7 +49,7 @@ def _silent(_words: str) -> None:
 
 
 def fit_study(study: Study, options: Options, progress: Callable[[str], None] = _silent) -> StudyFit:
-    """Identify the robot from the free trials (or take the prior), then every load by every method that it allows.
+    """Identify the robot from the free trials (or take the prior), then every load by each method.
 
     Args:
         progress: told what is being worked on.
@@ -88,9 +88,13 @@ def fit_load(
     """
     kinds = {trial.kind for trial in members}
     if len(kinds) > 1:
-        raise UndeterminedError(f"load {members[0].load} has trials of kinds {', '.join(sorted(kinds))}; name them apart")
+        raise UndeterminedError(
+            f"load {members[0].load} has trials of kinds {', '.join(sorted(kinds))}; name them apart"
+        )
     if len(model.task_axes) != 2:
-        raise UndeterminedError(f"load {members[0].load}: {model.name} has no plane for a {members[0].kind} load")
+        raise UndeterminedError(
+            f"load {members[0].load}: {model.name} has no plane for a {members[0].kind} load"
+        )
     load = load_model(kinds.pop())
     measured = [trial for trial in members if trial.force is not None]
     rounds: list[tuple[list[AlignedTrial], RobotParameters | None]] = [(members, robot)]
@@ -118,7 +122,7 @@ def prior_parameters(study: Study, structure: RobotStructure) -> RobotParameters
         )
     if len(prior) != len(structure.parameter_names):
         raise UndeterminedError(
-            f"study {study.name}: [prior] alpha has {len(prior)} values, the robot model with its terms needs "
+            f"study {study.name}: [prior] alpha has {len(prior)} values, the model with its terms needs "
             f"{len(structure.parameter_names)}: {', '.join(structure.parameter_names)}"
         )
     size = len(prior)

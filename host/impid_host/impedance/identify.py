@@ -1,4 +1,4 @@
-"""Identification in the time domain: the robot from free trials, then each load by virtual and by physical sensor."""
+"""Identification in the time domain: robot from free trials, loads by virtual and by physical sensor."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -94,7 +94,7 @@ def robot_equation(trial: AlignedTrial, structure: RobotStructure, chain: Chain)
 
 
 def virtual_equation(trial: AlignedTrial, robot: RobotParameters, load: LoadModel, chain: Chain) -> Equation:
-    """-F_ext = A @ parameters with F_ext by the virtual sensor; the nuisance is its slope in the robot's parameters."""
+    """-F_ext = A @ parameters, F_ext by the virtual sensor; nuisance: its slope in the robot's parameters."""
     Y = robot.structure.regressor(trial.theta, trial.omega, trial.theta_dd)
     model = robot.structure.model
     slope = finish(chain, through_jacobian(model, trial.theta, Y), trial.rate_hz)
@@ -202,9 +202,9 @@ def equilibrium(load: LoadModel, estimate: Estimate) -> Quantity:
 
 def _matrix(load: LoadModel, estimate: Estimate, signal: Literal["a", "v", "x"], unit: str) -> Quantity:
     S = load.matrix_map(signal)
-    value = (S @ estimate.value).reshape(2, 2)
-    sd = np.sqrt(np.diag(S @ estimate.covariance @ S.T)).reshape(2, 2)
-    half = stats.t.ppf(0.975, estimate.dof) * sd
+    value: Floats = np.reshape(S @ estimate.value, (2, 2))
+    variance = np.diag(S @ estimate.covariance @ S.T).reshape(2, 2)
+    half = stats.t.ppf(0.975, estimate.dof) * np.sqrt(variance)
     return Quantity(value, np.stack([value - half, value + half], axis=2), unit)
 
 
@@ -216,7 +216,9 @@ def _fit_rows(equations: Sequence[Equation], chain: Chain, split: Split) -> list
     ]
     if not rows:
         names = ", ".join(equation.trial.name for equation in equations)
-        raise UndeterminedError(f"nothing of {names} is left between gaps and filter edges; record longer trials")
+        raise UndeterminedError(
+            f"nothing of {names} is left between gaps and filter edges; record longer trials"
+        )
     return rows
 
 

@@ -1,9 +1,10 @@
 """Linear least squares whose 95 % intervals hold when the residual is coloured.
 
-Rows come as contiguous stretches, so that neighbours in an array are neighbours in time. First ordinary least squares; then
-the residual's autoregression (order by BIC, one per channel, pooled over stretches) prewhitens both sides and the fit is
-repeated; last, a kernel estimate (Bartlett, Andrews' plug-in bandwidth) of the scores' long-run covariance takes up what
-correlation is left, between channels too. With `ar_order` 0 the middle step is left out.
+Rows come as contiguous stretches, so that neighbours in an array are neighbours in time. First ordinary
+least squares; then the residual's autoregression (order by BIC, one per channel, pooled over stretches)
+prewhitens both sides and the fit is repeated; last, a kernel estimate (Bartlett, Andrews' plug-in bandwidth)
+of the scores' long-run covariance takes up what correlation is left, between channels too. With `ar_order` 0
+the middle step is left out.
 """
 
 from collections.abc import Sequence
@@ -87,10 +88,12 @@ def fit_linear(
 
     Args:
         ar_order: highest order of the prewhitening; 0 gives ordinary least squares.
-        nuisance_covariance: (k, k) of the parameters behind `Stretch.nuisance`; their uncertainty is propagated.
+        nuisance_covariance: (k, k) of the parameters behind `Stretch.nuisance`; their uncertainty is
+            propagated.
 
     Raises:
-        UndeterminedError: too few rows, or a combination of parameters that the rows do not determine (named).
+        UndeterminedError: too few rows, or a combination of parameters that the rows do not determine
+            (named).
     """
     parameters = len(names)
     rows = sum(len(stretch.target) for stretch in stretches)
@@ -137,7 +140,7 @@ def _weighted(stretch: Stretch, weight: Floats) -> Stretch:
 
 
 def _normal(work: Sequence[Stretch]) -> Floats:
-    total: Floats = sum(np.einsum("kcp,kcq->pq", s.design, s.design) for s in work)  # type: ignore[assignment]
+    total: Floats = sum(np.einsum("kcp,kcq->pq", s.design, s.design) for s in work)
     return total
 
 
@@ -166,10 +169,12 @@ def _require_determined(work: Sequence[Stretch], names: tuple[str, ...]) -> None
 
 
 def _whitener(residuals: Sequence[Floats], highest: int) -> Floats:
-    """Taps of the filter that whitens the channel and scales it to unit variance: AR by Yule-Walker, order by BIC."""
+    """Taps that whiten the channel and scale it to unit variance: AR by Yule-Walker, order by BIC."""
     count = sum(len(r) for r in residuals)
     highest = max(0, min(highest, count // 20, min(len(r) for r in residuals) // 4))
-    lags = np.array([sum(float(r[lag:] @ r[: len(r) - lag]) for r in residuals) for lag in range(highest + 1)])
+    lags = np.array(
+        [sum(float(r[lag:] @ r[: len(r) - lag]) for r in residuals) for lag in range(highest + 1)]
+    )
     lags = lags / count
     best: tuple[float, Floats] = (np.inf, np.ones(1))
     for order in range(highest + 1):

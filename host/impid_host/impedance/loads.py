@@ -1,4 +1,4 @@
-"""The load models, one row of a table per parameter: -F_ext = sum of parameter * (signal seen through its entries)."""
+"""The load models, one table row per parameter: -F_ext = sum of parameter * (signal through its entries)."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -13,7 +13,7 @@ Signal = Literal["a", "v", "x", "1"]
 
 @dataclass(frozen=True, slots=True)
 class Column:
-    """One parameter: `entries` are (axis of the force, axis of the signal); on a constant the second is unused."""
+    """One parameter: `entries` are (axis of the force, axis of the signal)."""
 
     name: str
     unit: str
@@ -50,7 +50,7 @@ class LoadModel:
         return A
 
     def matrix_map(self, signal: Signal) -> Floats:
-        """S with (matrix entries [xx, xy, yx, yy]) = S @ parameters, (4, q); zero where the model has no such matrix."""
+        """S with [xx, xy, yx, yy] = S @ parameters, (4, q); zero where the model has no such matrix."""
         S = np.zeros((4, len(self.columns)))
         for q, column in enumerate(self.columns):
             if column.signal == signal:
@@ -79,11 +79,16 @@ MASS_SPRING = LoadModel(
 )
 
 # [D] eqs. 3, 4 and 9: full matrices; the handle moves with the hand.
+_ARM_MATRICES: tuple[tuple[str, str, Signal], ...] = (
+    ("m", "kg", "a"),
+    ("b", "N*s/m", "v"),
+    ("k", "N/m", "x"),
+)
 ARM = LoadModel(
     "arm",
     tuple(
         Column(f"{letter}{axes}", unit, signal, (entry,))
-        for letter, unit, signal in (("m", "kg", "a"), ("b", "N*s/m", "v"), ("k", "N/m", "x"))
+        for letter, unit, signal in _ARM_MATRICES
         for axes, entry in (("xx", _XX), ("xy", _XY), ("yx", _YX), ("yy", _YY))
     )
     + _PLACE,

@@ -16,7 +16,8 @@ SERIES_RATE_HZ = 100.0
 class Split:
     """How much of each trial's end is held out for validation; [D] holds out 10 s of 50 s.
 
-    A trial shorter than five times `validation_s` gives up a fifth of its length instead; 0 holds nothing out.
+    A trial shorter than five times `validation_s` gives up a fifth of its length instead; 0 holds nothing
+    out.
     """
 
     validation_s: float = 10.0
@@ -51,7 +52,8 @@ class Series:
     """Target and fit of one trial at about 100 Hz, for validation and figures.
 
     Attributes:
-        t: s since the trial's first instant, (N,); target, fit: (N, c); held_out: rows of the validation part, (N,);
+        t: s since the trial's first instant, (N,); target, fit: (N, c); held_out: rows of the validation
+            part, (N,);
         shown: rows that neither gaps nor filter edges touch, (N,).
     """
 

@@ -1,4 +1,4 @@
-"""The virtual force sensor: F_ext from the robot's motion and torque, [D] eq. 1 solved for the force of the load on the robot."""
+"""The virtual force sensor: [D] eq. 1 solved for F_ext, the force of the load on the robot."""
 
 import numpy as np
 
@@ -8,9 +8,9 @@ from impid_host.signals.arrays import Floats
 
 def through_jacobian(model: RobotModel, theta: Floats, joint_side: Floats) -> Floats:
     """J^-T applied to joint-side quantities: (N, n) or (N, n, p) -> (N, d) or (N, d, p)."""
-    J_T = np.swapaxes(model.jacobian(theta), 1, 2)
+    J_T: Floats = np.swapaxes(model.jacobian(theta), 1, 2)
     columns = joint_side[:, :, None] if joint_side.ndim == 2 else joint_side
-    solved: Floats = np.linalg.solve(J_T, columns)
+    solved: Floats = np.asarray(np.linalg.solve(J_T, columns), dtype=np.float64)
     return solved[:, :, 0] if joint_side.ndim == 2 else solved
 
 

@@ -2,18 +2,20 @@
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
 from impid_host.impedance.campaign import StudyFit
-from impid_host.impedance.identify import LoadFit, Quantity, RobotFit
+from impid_host.impedance.identify import LoadFit, RobotFit
 from impid_host.impedance.rows import Series
-from impid_host.signals.arrays import Floats
+from impid_host.report.parameter_entries import parameter_entries
 
-_STYLE = {
+_STYLE: dict[Any, Any] = {
     "font.size": 8,
     "axes.titlesize": 9,
     "axes.titlelocation": "left",
@@ -52,13 +54,16 @@ def draw_study(result: StudyFit, folder: Path) -> list[Path]:
 
 
 def robot_figure(fit: RobotFit) -> Figure:
-    """Torque of each joint, measured and by the model, in the held-out end of the first free trial; residual below."""
+    """Torque of each joint, logged and by the model, over the held-out end of the first free trial."""
     part = fit.series[0]
     prismatic = fit.parameters.structure.model.name == "slide-1d"
     unit = "N" if prismatic else "N m"
     names = ["force"] if prismatic else [f"torque {joint + 1}" for joint in range(len(fit.vaf))]
     labels = [f"{name} ({unit})" for name in names]
-    notes = [f"VAF {vaf:.2f} %, residual {_three(rms)} {unit} rms" for vaf, rms in zip(fit.vaf, fit.rms, strict=True)]
+    notes = [
+        f"VAF {vaf:.2f} %, residual {_three(rms)} {unit} rms"
+        for vaf, rms in zip(fit.vaf, fit.rms, strict=True)
+    ]
     return _against(part, labels, notes, f"Robot model on held-out data, {part.trial}", ("logged", "model"))
 
 
@@ -66,7 +71,9 @@ def load_figure(fits: Sequence[LoadFit]) -> Figure:
     """Force of the load, by the virtual sensor and by the load's model, with the residual below."""
     fit = fits[0]
     part = _negative(fit.series[0])
-    notes = [f"VAF {vaf:.2f} %, residual {_three(rms)} N rms" for vaf, rms in zip(fit.vaf, fit.rms, strict=True)]
+    notes = [
+        f"VAF {vaf:.2f} %, residual {_three(rms)} N rms" for vaf, rms in zip(fit.vaf, fit.rms, strict=True)
+    ]
     title = f"Load {fit.load} on held-out data, {part.trial}"
     return _against(part, [f"$F_{axis}$ (N)" for axis in "xy"], notes, title, (fit.method, "load model"))
 
@@ -82,7 +89,13 @@ def force_figure(virtual: LoadFit, physical: LoadFit) -> Figure:
     for axis, name in enumerate("xy"):
         left, right = axes[axis]
         left.plot(measured.t[rows], measured.target[rows, axis], color=_DATA, label="physical sensor")
-        left.plot(measured.t[rows], estimated.target[rows, axis], color=_FIT, ls=(0, (4, 1.5)), label="virtual sensor")
+        left.plot(
+            measured.t[rows],
+            estimated.target[rows, axis],
+            color=_FIT,
+            ls=(0, (4, 1.5)),
+            label="virtual sensor",
+        )
         left.set_ylabel(f"$F_{name}$ (N)")
         shown = measured.shown & estimated.shown
         known, guessed = measured.target[shown, axis], estimated.target[shown, axis]
@@ -93,45 +106,41 @@ def force_figure(virtual: LoadFit, physical: LoadFit) -> Figure:
         right.set(xlabel=f"physical $F_{name}$ (N)", ylabel=f"virtual $F_{name}$ (N)")
         relative = 100 * np.linalg.norm(error) / np.linalg.norm(known)
         right.set_title(f"rms {_three(float(np.sqrt(np.mean(error**2))))} N ({relative:.2f} %)")
-    axes[0, 0].set_title(f"Force of the load on the robot, {measured.trial}")
+    figure.suptitle(f"Force of the load on the robot, {measured.trial}", x=0.01, ha="left", fontsize=9)
+    for left in axes[:, 0]:
+        left.margins(x=0)
     axes[1, 0].set_xlabel("time (s)")
     _legend_above(axes[0, 0])
     return figure
 
 
 def parameter_figure(fits: Sequence[LoadFit]) -> Figure:
-    """Every parameter with its 95 % interval, one panel for each quantity, the methods side by side."""
-    fit = fits[0]
-    panels = [name for name in "MBK" if getattr(fit, name) is not None] + ["x0"]
-    figure = Figure(figsize=(_WIDTH_IN, 2.4))
-    axes = figure.subplots(1, len(panels), squeeze=False)[0]
-    for axes_one, panel in zip(axes, panels, strict=True):
-        for index, (one, color) in enumerate(zip(fits, (_FIT, _SECOND), strict=False)):
-            quantity: Quantity = getattr(one, panel)
-            scale = 1e3 if panel == "x0" else 1.0
-            value, ci = quantity.value.ravel() * scale, quantity.ci95.reshape(-1, 2) * scale
-            place = np.arange(len(value)) + 0.22 * (index - 0.5 * (len(fits) - 1))
-            axes_one.errorbar(
-                place,
-                value,
-                yerr=np.abs(ci.T - value),
-                fmt="o",
-                ms=3.5,
-                capsize=3,
-                lw=1,
-                color=color,
-                label=one.method,
+    """Every parameter on its own scale with its 95 % interval, the methods side by side."""
+    entries = parameter_entries(fits[0])
+    columns = min(len(entries), 7)
+    rows = -(-len(entries) // columns)
+    figure = Figure(figsize=(_WIDTH_IN, 1.9 * rows + 0.3))
+    axes = figure.subplots(rows, columns, squeeze=False).ravel()
+    for panel, entry in zip(axes, entries, strict=False):
+        for index, (fit, color) in enumerate(zip(fits, (_FIT, _SECOND), strict=False)):
+            value, ci = entry.of(fit)
+            error = [[value - ci[0]], [ci[1] - value]]
+            panel.errorbar(
+                [index], [value], yerr=error, fmt="o", ms=4, capsize=4, lw=1.2, color=color, label=fit.method
             )
-        unit = "mm" if panel == "x0" else quantity.unit.replace("*", " ")
-        labels = ["x", "y"] if panel == "x0" else ["xx", "xy", "yx", "yy"]
-        axes_one.set_xticks(range(len(labels)), labels)
-        axes_one.set_xlim(-0.6, len(labels) - 0.4)
-        axes_one.set_title(f"$x_0$ ({unit})" if panel == "x0" else f"${panel}$ ({unit})")
-        axes_one.grid(axis="x", visible=False)
-        axes_one.margins(y=0.15)
-    figure.suptitle(f"Load {fit.load}: estimates with 95 % intervals", x=0.01, ha="left", fontsize=9)
+        panel.set_title(f"{entry.label}\n({entry.unit.replace('*', ' ')})", loc="center")
+        panel.set_xlim(-0.7, len(fits) - 0.3)
+        panel.set_xticks([])
+        panel.ticklabel_format(useOffset=False)
+        panel.tick_params(labelsize=6.5)
+        panel.locator_params(axis="y", nbins=4)
+        panel.margins(y=0.25)
+    for panel in axes[len(entries) :]:
+        panel.set_axis_off()
+    figure.suptitle(f"Load {fits[0].load}: estimates with 95 % intervals", x=0.01, ha="left", fontsize=9)
     if len(fits) > 1:
-        axes[0].legend(loc="best")
+        handles, labels = axes[0].get_legend_handles_labels()
+        figure.legend(handles, labels, loc="outside lower center", ncols=2)
     return figure
 
 
@@ -165,10 +174,11 @@ def _legend_above(axes: Axes) -> None:
     axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, borderaxespad=0.2)
 
 
-def _detail(part: Series) -> Floats:
+def _detail(part: Series) -> NDArray[np.intp]:
     """Rows of the held-out end, at most 10 s of it."""
     rows = np.flatnonzero(part.held_out)
-    return rows[part.t[rows] >= part.t[rows[-1]] - _DETAIL_S]  # type: ignore[return-value]
+    result: NDArray[np.intp] = rows[part.t[rows] >= part.t[rows[-1]] - _DETAIL_S]
+    return result
 
 
 def _negative(part: Series) -> Series:

@@ -19,7 +19,7 @@ def fit_json(
     robot: RobotFit | RobotParameters,
     loads: Sequence[LoadFit],
 ) -> Json:
-    """The whole result of `fit`, format impid-fit/1. SI units; vectors [x, y], matrices [[xx, xy], [yx, yy]]."""
+    """The result of `fit`, format impid-fit/1. SI units; vectors [x, y], matrices [[xx, xy], [yx, yy]]."""
     by_load: dict[str, Json] = {}
     for fit in loads:
         by_load.setdefault(fit.load, {"model": fit.model.name})[_METHODS[fit.method]] = _load(fit)

@@ -1,4 +1,4 @@
-"""What every robot model offers: kinematics, dynamics, and the dynamics as a linear regression in its parameters."""
+"""What every robot model offers: kinematics, and dynamics that are linear in its parameters."""
 
 from typing import Protocol
 
@@ -62,9 +62,11 @@ def robot_model(setup: RobotSetup) -> RobotModel:
         UndeterminedError: `fit` has no dynamic model of that name.
     """
     if setup.model == "planar-2r-absolute":
-        return Planar2RAbsolute(*setup.link_lengths_m)
+        l1, l2 = setup.link_lengths_m
+        return Planar2RAbsolute(l1, l2)
     if setup.model == "planar-2r-relative":
-        return Planar2RRelative(*setup.link_lengths_m, gravity_m_s2=setup.gravity_m_s2)
+        l1, l2 = setup.link_lengths_m
+        return Planar2RRelative(l1, l2, gravity_m_s2=setup.gravity_m_s2)
     if setup.model == "slide-1d":
         return Slide1D()
     raise UndeterminedError(

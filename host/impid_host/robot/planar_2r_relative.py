@@ -1,4 +1,4 @@
-"""Two revolute joints, the second angle measured from the first link; gravity in the plane when there is any."""
+"""Two revolute joints, the second angle measured from the first link; gravity in the plane, if any."""
 
 from dataclasses import dataclass
 from typing import ClassVar
@@ -16,9 +16,9 @@ _FRICTION = ("Fv1", "Fv2")
 class Planar2RRelative:
     """Minimal (base) parameters of the planar two-link arm (Gautier and Khalil's regrouping).
 
-    With J1, J2 the links' inertias about their joints, m2 the second mass and (MX, MY) the first moments in link frames:
-    ZZ1R = J1 + m2 l1^2, ZZ2 = J2, MX2, MY2; with gravity also MX1R = MX1 + m2 l1 and MY1. Viscous friction Fv1, Fv2.
-    x = l1 cos q1 + l2 cos(q1 + q2), y = l1 sin q1 + l2 sin(q1 + q2).
+    With J1, J2 the links' inertias about their joints, m2 the second mass and (MX, MY) the first moments in
+    link frames: ZZ1R = J1 + m2 l1^2, ZZ2 = J2, MX2, MY2; with gravity also MX1R = MX1 + m2 l1 and MY1.
+    Viscous friction Fv1, Fv2. x = l1 cos q1 + l2 cos(q1 + q2), y = l1 sin q1 + l2 sin(q1 + q2).
 
     Args:
         l1, l2: link lengths, m.
@@ -49,7 +49,10 @@ class Planar2RRelative:
         return ("kg*m^2", "kg*m^2", "kg*m", "kg*m", *gravity, "N*m*s/rad", "N*m*s/rad")
 
     def regressor(self, theta: Floats, omega: Floats, theta_dd: Floats) -> Floats:
-        """Y (N, 2, p): Lagrange's equations of T = 1/2 ZZ1R q1'^2 + 1/2 ZZ2 w^2 + l1 q1' w (MX2 c2 - MY2 s2), w = q1' + q2'."""
+        """Y (N, 2, p), Lagrange's equations with w = q1' + q2' of
+
+        T = 1/2 ZZ1R q1'^2 + 1/2 ZZ2 w^2 + l1 q1' w (MX2 cos q2 - MY2 sin q2).
+        """
         q1, q2 = theta.T
         v1, v2 = omega.T
         a1, a2 = theta_dd.T

@@ -14,7 +14,7 @@ JointColumn = Callable[[Floats, Floats, Floats], Floats]
 
 @dataclass(frozen=True, slots=True)
 class Term:
-    """A torque added on each joint: `parameter * column(theta, omega, theta_dd)`, elementwise (N, n) -> (N, n)."""
+    """A torque added on each joint: `parameter * column(theta, omega, theta_dd)`, (N, n) -> (N, n)."""
 
     name: str
     parameter: str

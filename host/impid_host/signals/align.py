@@ -1,4 +1,4 @@
-"""One trial's two logs on one uniform clock, with positions, velocities and accelerations in joints and in space."""
+"""One trial's two logs on one uniform clock, with its motion in joints and in space."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -20,12 +20,14 @@ AccelerationSource = Literal["accelerometer", "angles"]
 
 @dataclass(frozen=True, slots=True)
 class AlignedTrial:
-    """A trial on one uniform grid of N instants; n joints, d task axes. Not yet low-passed by the chain's `finish`.
+    """A trial on one uniform grid of N instants; n joints, d task axes; before the chain's `finish`.
 
     Attributes:
-        t: the module's clock (the robot's, without a module), s, shape (N,), from the trial's first common instant.
+        t: the module's clock (the robot's, without a module), s, shape (N,), from the trial's first common
+            instant.
         rate_hz: of the grid.
-        theta, omega, theta_dd: joint angle, velocity, acceleration, rad and s (m for a prismatic joint), shape (N, n).
+        theta, omega, theta_dd: joint angle, velocity, acceleration, rad and s (m for a prismatic joint),
+            shape (N, n).
         tau: joint torque, N m (N), shape (N, n).
         force: physical sensor, force of the load on the robot, N, shape (N, 2), or None.
         perturbation: commanded perturbation force, N, shape (N, 2), or None.
@@ -56,7 +58,8 @@ class AlignedTrial:
     @property
     def elapsed(self) -> Floats:
         """Seconds since the first instant, shape (N,)."""
-        return self.t - self.t[0]
+        result: Floats = self.t - self.t[0]
+        return result
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,7 +109,8 @@ def match_trial(trial: Trial, setup: Setup) -> RobotClockFit:
     """The clock match of one trial.
 
     Raises:
-        UndeterminedError: no module in this trial, or the angles do not determine the clocks; names the trial.
+        UndeterminedError: no module in this trial, or the angles do not determine the clocks; names the
+            trial.
     """
     if trial.device is None:
         raise UndeterminedError(f"trial {trial.name}: no device.csv, so there is no second clock to match")
@@ -125,12 +129,12 @@ def align(
     """Put one trial on one clock and form its motion by the given chain.
 
     Args:
-        source: where accelerations come from; by default the accelerometer where there is one ([D] footnote 2 warns of
-            the angles).
+        source: where accelerations come from; by default the accelerometer where there is one ([D] footnote
+            2 warns of the angles).
 
     Raises:
-        UndeterminedError: the clocks cannot be matched, there is no accelerometer though it was asked for, or less
-            than 2 s remain.
+        UndeterminedError: the clocks cannot be matched, there is no accelerometer though it was asked for,
+            or less than 2 s remain.
     """
     measured = trial.device is not None and setup.accelerometer is not None and model.joints == 2
     if source == "accelerometer" and not measured:
@@ -139,7 +143,11 @@ def align(
         )
     source = source or ("accelerometer" if measured else "angles")
     try:
-        raw = _on_device_clock(trial, trial.device, setup) if trial.device is not None else _on_robot_clock(trial)
+        raw = (
+            _on_device_clock(trial, trial.device, setup)
+            if trial.device is not None
+            else _on_robot_clock(trial)
+        )
     except UndeterminedError as error:
         text = str(error)
         raise UndeterminedError(text if trial.name in text else f"trial {trial.name}: {text}") from error
@@ -177,7 +185,7 @@ def align(
 
 
 def base_frame_acceleration(along_axes: Floats, theta: Floats, accelerometer: AccelerometerSetup) -> Floats:
-    """Specific force along the sensor's axes (N, 2) turned into the base frame (N, 2), m/s^2; the plane is level."""
+    """Specific force along the sensor's axes (N, 2) in the base frame (N, 2), m/s^2; the plane is level."""
     angle = np.full(len(theta), accelerometer.mount_angle_rad)
     if accelerometer.mount == "link2":
         angle = angle + theta[:, 1]

@@ -34,7 +34,8 @@ def joint_angles(device: DeviceSamples, encoder: EncoderSetup) -> Floats:
             channels, encoder.counts_per_rev, encoder.zero_rad, encoder.direction, strict=True
         )
     ]
-    return np.stack(columns, axis=1)
+    angles: Floats = np.stack(columns, axis=1)
+    return angles
 
 
 def specific_force(device: DeviceSamples, accelerometer: AccelerometerSetup) -> Floats:
@@ -42,12 +43,14 @@ def specific_force(device: DeviceSamples, accelerometer: AccelerometerSetup) -> 
     codes = np.stack([device.ax, device.ay], axis=1).astype(np.float64)
     volts = codes / accelerometer.full_scale_code * accelerometer.vref_V
     in_g = (volts - np.array(accelerometer.zero_g_V)) / np.array(accelerometer.sensitivity_V_per_g)
-    return in_g * STANDARD_GRAVITY_M_S2
+    result: Floats = in_g * STANDARD_GRAVITY_M_S2
+    return result
 
 
 def usable_samples(device: DeviceSamples) -> Mask:
     """Samples whose angle and acceleration can be believed, shape (N,): not saturated, no encoder fault."""
-    return (device.flags & (FLAG_SATURATED | FLAG_ENCODER_FAULT)) == 0
+    result: Mask = (device.flags & (FLAG_SATURATED | FLAG_ENCODER_FAULT)) == 0
+    return result
 
 
 def longest_run(device: DeviceSamples) -> slice:

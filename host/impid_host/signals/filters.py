@@ -36,7 +36,7 @@ class ZeroPhaseLowPass:
 
 @dataclass(frozen=True, slots=True)
 class ZeroPhaseChebyshev:
-    """A Chebyshev type I low-pass run forwards and backwards, as MATLAB's `decimate` has it before it drops samples."""
+    """A Chebyshev type I low-pass run forwards and backwards, as in MATLAB's `decimate`."""
 
     order: int
     ripple_dB: float

@@ -1,4 +1,4 @@
-"""Samples at any instants onto one uniform grid; gaps are bridged when short, marked when long, never hidden."""
+"""Samples at any instants onto one uniform grid; short gaps are bridged, long ones marked, none hidden."""
 
 from dataclasses import dataclass
 
@@ -26,14 +26,16 @@ class Grid:
 
 
 def nominal_rate(t: Floats) -> float:
-    """Sampling rate of time stamps with gaps and jitter, Hz; rounded to a whole number where it is within 0.1 % of one.
+    """Sampling rate of stamps with gaps and jitter, Hz; a whole number where it is within 0.1 % of one.
 
     Raises:
         UndeterminedError: fewer than 100 rows.
     """
     if len(t) < 100:
         raise UndeterminedError(f"only {len(t)} samples; at least 100 are needed")
-    rate = 1 / float(np.median(np.diff(t)))
+    steps = np.diff(t)
+    periods = np.maximum(np.round(steps / np.median(steps)), 1)
+    rate = float(periods.sum() / (t[-1] - t[0]))
     whole = round(rate)
     return float(whole) if whole > 0 and abs(rate / whole - 1) < 1e-3 else rate
 
@@ -45,7 +47,9 @@ def common_grid(start_s: float, end_s: float, rate_hz: float) -> Grid:
         UndeterminedError: the stretch is shorter than 2 s.
     """
     if end_s - start_s < 2.0:
-        raise UndeterminedError(f"only {max(0.0, end_s - start_s):.2f} s of common data; at least 2 s are needed")
+        raise UndeterminedError(
+            f"only {max(0.0, end_s - start_s):.2f} s of common data; at least 2 s are needed"
+        )
     return Grid(start_s, rate_hz, int((end_s - start_s) * rate_hz + 1e-6) + 1)
 
 
@@ -64,12 +68,13 @@ def bridged(t: Floats, usable: Mask, grid: Grid) -> Mask:
 def onto_grid(t: Floats, values: Floats, usable: Mask, grid: Grid) -> Floats:
     """Values (N, k) at times t (N,) on the grid, (count, k): a cubic spline, straight across long gaps.
 
-    A spline through a long gap swings; there the straight line stands in until the mask of `bridged` removes it.
+    A spline through a long gap swings; there the straight line stands in until the mask of `bridged` removes
+    it.
     """
     knots, points = t[usable], values[usable]
     smooth: Floats = CubicSpline(knots, points, axis=0)(np.clip(grid.t, knots[0], knots[-1]))
     plain = np.stack([np.interp(grid.t, knots, column) for column in points.T], axis=1)
-    wide = np.diff(knots) * grid.rate_hz > 2.5
+    wide = np.diff(knots) * grid.rate_hz > BRIDGED_PERIODS
     place = np.clip(np.searchsorted(knots, grid.t) - 1, 0, len(knots) - 2)
     beside = wide | np.roll(wide, 1) | np.roll(wide, -1)
     return np.where(beside[place][:, None], plain, smooth)

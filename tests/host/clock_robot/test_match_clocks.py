@@ -1,4 +1,4 @@
-"""Clock matching against logs whose offset and drift are known because the test made them from a closed form."""
+"""Clock matching against logs of known offset and drift, made from a closed form."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -51,7 +51,7 @@ def make_logs(
     phase: float = 0.3712,
     count_rad: float = COUNT_RAD,
 ) -> Logs:
-    """Robot starts at its zero (the module's `offset`), the module `device_start` seconds after the robot's zero."""
+    """The robot's zero is the module's `offset`; the module starts `device_start` s after it."""
     t_robot = robot_start + np.arange(0.0, duration, 1e-3)
     t_device = np.floor((offset + device_start) * 1e3) * 1e-3 + phase * 1e-3 + np.arange(0.0, duration, 1e-3)
 
@@ -84,13 +84,14 @@ def test_clean_motion_of_50_s_reaches_half_a_microsecond_and_a_fiftieth_ppm() ->
 
 
 def test_error_stays_near_the_cramer_rao_bound_and_the_interval_covers() -> None:
-    # Two readings, each uniform within one count: variance 2 q^2 / 12 per difference, information sum(omega^2).
+    # Two readings, each uniform within one count: variance 2 q^2 / 12 per difference, information
+    # sum(omega^2).
     normalised, covered = [], []
     for seed in range(40):
         rng = np.random.default_rng(1000 + seed)
         theta = multisine(seed)
         logs = make_logs(theta, duration=20.0, phase=rng.uniform(), offset=rng.uniform(0, 500))
-        offset_error, drift_error, offset_in, drift_in = errors(logs)
+        offset_error, _, offset_in, drift_in = errors(logs)
         t = logs.t_robot
         omega = np.gradient(theta(t), t, axis=0)
         deviation = np.concatenate([omega - omega.mean(axis=0)])
@@ -141,7 +142,12 @@ def test_missing_and_late_rows_and_jitter() -> None:
 def test_a_constant_between_the_two_angle_readings_does_not_shift_the_clock() -> None:
     logs = make_logs(multisine(6))
     shifted = Logs(
-        logs.t_device, logs.theta_device, logs.t_robot, logs.theta_robot + [0.01, -0.02], logs.offset, logs.drift
+        logs.t_device,
+        logs.theta_device,
+        logs.t_robot,
+        logs.theta_robot + np.array([0.01, -0.02]),
+        logs.offset,
+        logs.drift,
     )
     offset_error, _, _, _ = errors(shifted)
     assert abs(offset_error) < 0.5e-6
@@ -149,7 +155,9 @@ def test_a_constant_between_the_two_angle_readings_does_not_shift_the_clock() ->
 
 def test_slow_motion_of_few_counts_per_sample_keeps_an_honest_interval() -> None:
     covered = [
-        errors(make_logs(multisine(seed, 1.0), duration=20.0, phase=0.1 * seed, count_rad=2 * np.pi / 4000))[2]
+        errors(make_logs(multisine(seed, 1.0), duration=20.0, phase=0.1 * seed, count_rad=2 * np.pi / 4000))[
+            2
+        ]
         for seed in range(12)
     ]
     assert np.mean(covered) >= 0.75
@@ -174,7 +182,12 @@ def periodic(t: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.parametrize(
-    ("theta", "words"), [(at_rest, "hardly move"), (ramp, "speed never changes|does not determine|hardly|open by|same motion"), (periodic, "repeats itself")]
+    ("theta", "words"),
+    [
+        (at_rest, "hardly move"),
+        (ramp, "speed never changes|does not determine|hardly|open by|same motion"),
+        (periodic, "repeats itself"),
+    ],
 )
 def test_a_motion_that_does_not_determine_the_clocks_is_refused(
     theta: Callable[[np.ndarray], np.ndarray], words: str

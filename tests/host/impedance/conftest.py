@@ -1,7 +1,8 @@
-"""A robot that shares nothing with impid: two rigid rods whose equations of motion come from their kinetic energy.
+"""A robot that shares nothing with impid: two rigid rods, moved by their kinetic energy.
 
-Velocities of the centres of mass are complex-step derivatives of their positions, the mass matrix follows from the kinetic energy, the
-Coriolis terms from finite differences of the mass matrix, and scipy integrates the whole with load and controller.
+Velocities of the centres of mass are complex-step derivatives of their positions, the mass matrix follows
+from the kinetic energy, the Coriolis terms from finite differences of the mass matrix, and scipy integrates
+the whole with load and controller.
 """
 
 from collections.abc import Callable
@@ -53,9 +54,12 @@ def tip(t1: complex, t2: complex) -> np.ndarray:
 def slope(point: Callable[[complex, complex], np.ndarray], theta: np.ndarray) -> np.ndarray:
     """d point / d theta by complex step, exact to rounding."""
     step = 1e-30
-    return np.stack(
-        [point(theta[0] + 1j * step, theta[1]).imag, point(theta[0], theta[1] + 1j * step).imag], axis=1
-    ) / step
+    return (
+        np.stack(
+            [point(theta[0] + 1j * step, theta[1]).imag, point(theta[0], theta[1] + 1j * step).imag], axis=1
+        )
+        / step
+    )
 
 
 def mass_matrix(theta: np.ndarray, payload: float) -> np.ndarray:
@@ -70,7 +74,9 @@ def velocity_terms(theta: np.ndarray, omega: np.ndarray, payload: float) -> np.n
     for joint in range(2):
         shift = np.zeros(2)
         shift[joint] = step
-        slopes.append((mass_matrix(theta + shift, payload) - mass_matrix(theta - shift, payload)) / (2 * step))
+        slopes.append(
+            (mass_matrix(theta + shift, payload) - mass_matrix(theta - shift, payload)) / (2 * step)
+        )
     rate = slopes[0] * omega[0] + slopes[1] * omega[1]
     return rate @ omega - 0.5 * np.array([omega @ s @ omega for s in slopes])
 
@@ -86,7 +92,9 @@ class Motion:
     load: Load | None
 
 
-def reference(seed: int, centre: np.ndarray, span_deg: float) -> Callable[[float], tuple[np.ndarray, np.ndarray]]:
+def reference(
+    seed: int, centre: np.ndarray, span_deg: float
+) -> Callable[[float], tuple[np.ndarray, np.ndarray]]:
     """Ten sinusoids in 0 to 2 Hz per joint over `span_deg`, [D] Sec. II-C: angle and velocity."""
     rng = np.random.default_rng(seed)
     frequency = 2 * np.pi * (np.arange(1, 11) - rng.uniform(0.0, 0.05, (2, 10))) / 5
@@ -113,7 +121,7 @@ def simulate(
     span_deg: float = 40.0,
     disturbance: Callable[[np.ndarray, np.ndarray], np.ndarray] | None = None,
 ) -> Motion:
-    """Integrate robot, joint PD controller and load; `disturbance(theta, omega)` is a torque the model may lack."""
+    """Integrate robot, joint PD controller and load; `disturbance` is a torque that the model lacks."""
     follow = reference(seed, np.array([np.pi / 4, np.pi / 4]), span_deg)
     payload = 0.0 if load is None else load.m
 
@@ -135,7 +143,14 @@ def simulate(
     angle, velocity = follow(0.0)
     start = np.concatenate([angle, velocity])
     solution = solve_ivp(
-        derivative, (0, duration), start, method="DOP853", dense_output=True, rtol=1e-8, atol=1e-9, max_step=0.02
+        derivative,
+        (0, duration),
+        start,
+        method="DOP853",
+        dense_output=True,
+        rtol=1e-8,
+        atol=1e-9,
+        max_step=0.02,
     )
     # Nothing here moves faster than some 10 Hz: 250 Hz and a cubic spline lose less than 1e-5 of it.
     knots = np.linspace(0, duration, int(250 * duration))
@@ -186,7 +201,7 @@ def measure(
     offset: float = 17.3,
     drift: float = 60e-6,
 ) -> Trial:
-    """What module and robot would log of a motion; the module starts 0.4 s later and its clock is fast by `drift`."""
+    """What module and robot would log of a motion; the module starts 0.4 s late, its clock `drift` fast."""
     rng = np.random.default_rng(seed)
     t_robot = np.arange(0.05, duration, 1 / RATE_HZ)
     t_us = np.arange(np.ceil((offset + 0.4) * 1e6), (offset + duration) * 1e6, 1000).astype(np.uint64)

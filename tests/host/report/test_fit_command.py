@@ -1,0 +1,143 @@
+"""`impid-host fit` and `sync` as a user calls them."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner, Result
+from impid_host.cli import cli
+from impid_host.errors import ImpidError
+from impid_host.samples import DeviceSamples
+from impid_host.study.folder import write_study
+from impid_host.study.model import (
+    AccelerometerSetup,
+    EncoderSetup,
+    RobotLog,
+    RobotSetup,
+    Setup,
+    Study,
+    Trial,
+)
+
+CHECKOUT = Path(__file__).resolve().parents[3]
+ALPHA = np.array([0.06929, 0.04217, 0.04416, 0.06510, 0.07389])
+L1, L2 = 0.254, 0.2667
+
+
+def run(*arguments: str | Path) -> Result:
+    return CliRunner().invoke(cli, [str(argument) for argument in arguments], catch_exceptions=False)
+
+
+def free_trial(name: str, seed: int) -> Trial:
+    """12 s of a motion in closed form with the torque that eqs. 1 and 11 to 13 of [D] ask for."""
+    rng = np.random.default_rng(seed)
+    angular = 2 * np.pi * rng.uniform(0.2, 2.0, (2, 6, 1))
+    phase = rng.uniform(0, 2 * np.pi, (2, 6, 1))
+
+    def motion(t: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        theta = 0.7 + 0.06 * np.sin(angular * t + phase).sum(axis=1)
+        omega = 0.06 * (angular * np.cos(angular * t + phase)).sum(axis=1)
+        return theta, omega, -0.06 * (angular**2 * np.sin(angular * t + phase)).sum(axis=1)
+
+    t = np.arange(0, 12, 1e-3)
+    (t1, t2), (w1, w2), (d1, d2) = motion(t)
+    a1, a2, a3, a4, a5 = ALPHA
+    h, c = -0.5 * a2 * np.sin(t1 - t2), 0.5 * a2 * np.cos(t1 - t2)
+    tau = np.stack([a1 * d1 + h * d2 + c * w2**2 + a4 * w1, h * d1 + a3 * d2 - c * w1**2 + a5 * w2], axis=1)
+    log = RobotLog(t, np.stack([t1, t2], axis=1), tau + rng.normal(0, 0.01, tau.shape))
+
+    t_module = np.arange(0.2504, 11.8, 1e-3)
+    (t1, t2), (w1, w2), (d1, d2) = motion(t_module)
+    ax = -L1 * (np.cos(t1) * w1**2 + np.sin(t1) * d1) + L2 * (np.cos(t2) * d2 - np.sin(t2) * w2**2)
+    ay = L1 * (np.cos(t1) * d1 - np.sin(t1) * w1**2) + L2 * (np.sin(t2) * d2 + np.cos(t2) * w2**2)
+    axes = np.stack([np.cos(t2) * ax + np.sin(t2) * ay, np.cos(t2) * ay - np.sin(t2) * ax], axis=1)
+    codes = np.round((1.65 + (axes + rng.normal(0, 0.03, axes.shape)) / 9.80665 * 0.62) / 3.3 * 65536)
+    counts = np.round(np.stack([t1, t2], axis=1) / (2 * np.pi / 400_000)).astype(np.int32)
+    device = DeviceSamples(
+        t_us=np.round((t_module + 3.0) * 1e6).astype(np.uint64),
+        seq=np.arange(len(t_module), dtype=np.uint32),
+        ax=codes[:, 0].astype(np.uint16),
+        ay=codes[:, 1].astype(np.uint16),
+        enc1=counts[:, 0],
+        enc2=counts[:, 1],
+        flags=np.zeros(len(t_module), dtype=np.uint8),
+    )
+    return Trial(name, "free", "free", log, device)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    setup = Setup(
+        RobotSetup("planar-2r-absolute", (L1, L2)),
+        EncoderSetup((400_000, 400_000), (0.0, 0.0), (1, 1)),
+        AccelerometerSetup("ADXL203", 3.3, 65536, (1.65, 1.65), (0.62, 0.62), "link2", 0.0),
+    )
+    trials = (free_trial("free_01", 1), free_trial("free_02", 2))
+    return write_study(Study("small", setup, trials), tmp_path_factory.mktemp("fit") / "small")
+
+
+def test_fit_prints_writes_json_and_draws(folder: Path, tmp_path: Path) -> None:
+    result = run("fit", folder, "--json", tmp_path / "fit.json", "--figures", tmp_path / "figures")
+    assert result.exit_code == 0
+    assert "alpha2" in result.output
+    assert "accelerometer" in result.output
+    document = json.loads((tmp_path / "fit.json").read_text())
+    assert document["format"] == "impid-fit/1"
+    for name, true in zip(document["robot"]["parameters"].values(), ALPHA, strict=True):
+        assert name["value"] == pytest.approx(true, rel=0.02)
+        assert name["ci95"][0] < name["value"] < name["ci95"][1]
+    assert document["robot"]["vaf"]["tau1"] > 99
+    assert document["trials"][0]["acceleration"] == "accelerometer"
+    assert (tmp_path / "figures" / "robot.png").stat().st_size > 20_000
+
+
+def test_json_on_standard_output_is_nothing_but_json(folder: Path) -> None:
+    result = run("fit", folder, "--json", "-", "--acceleration", "angles")
+    assert json.loads(result.stdout)["robot"]["acceleration"] == ["angles"]
+
+
+def test_sync_gives_each_trial_its_offset(folder: Path) -> None:
+    result = run("sync", folder, "--json", "-")
+    trials = json.loads(result.stdout)["trials"]
+    assert [trial["name"] for trial in trials] == ["free_01", "free_02"]
+    for trial in trials:
+        assert trial["offset_s"] == pytest.approx(3.0, abs=1e-6)
+        assert trial["drift_ppm"] == pytest.approx(0.0, abs=0.1)
+    assert "free_02" in run("sync", folder).output
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["fit", "nowhere"], "does not exist"),
+        (["fit", "a.mcap"], "--setup"),
+        (["sync", "a.mcap", "--setup", "s.toml"], "one --robot-log for each"),
+    ],
+)
+def test_wrong_input_is_one_clear_error(arguments: list[str], words: str) -> None:
+    with pytest.raises(ImpidError, match=words):
+        run(*arguments)
+
+
+def test_fixed_chain_refuses_another_cutoff(folder: Path) -> None:
+    with pytest.raises(ImpidError, match="fixed cut-off"):
+        run("fit", folder, "--chain", "published", "--cutoff", "6")
+
+
+@pytest.mark.measured
+def test_emps_reproduces_the_authors_parameters(measured_data: Path, tmp_path: Path) -> None:
+    # Janot, Gautier, Brunot 2019: M 95.1089 kg, Fv 203.5034 N s/m, Fc 20.3935 N, offset -3.1648 N, 4.0834 %.
+    study = tmp_path / "emps"
+    mapping = CHECKOUT / "docs" / "mappings" / "emps.toml"
+    run("import", measured_data / "emps" / "bangbang.parquet", "--mapping", mapping, "--out", study)
+    terms = ["--with", "friction.coulomb", "--with", "actuator.offset"]
+    result = run("fit", study, "--chain", "emps", *terms, "--validate", "0", "--json", "-")
+    robot = json.loads(result.stdout)["robot"]
+    value = {name: entry["value"] for name, entry in robot["parameters"].items()}
+    assert value["M"] == pytest.approx(95.1089, rel=0.005)
+    assert value["Fv"] == pytest.approx(203.5034, rel=0.005)
+    assert value["Fc"] == pytest.approx(20.3935, rel=0.005)
+    assert value["offset"] == pytest.approx(-3.1648, rel=0.02)
+    assert robot["relative_error_percent"] == pytest.approx(4.0834, abs=0.1)
+    assert robot["acceleration"] == ["angles"]
