@@ -13,7 +13,12 @@ SHIPPED = Path(__file__).parent
 
 def names() -> list[str]:
     """Names of the scenarios that ship with the package."""
-    return sorted(path.stem for path in SHIPPED.glob("*.toml"))
+    # Tables that several scenarios may draw on lie in the same folder; they carry no format of a scenario.
+    return sorted(
+        path.stem
+        for path in SHIPPED.glob("*.toml")
+        if "format" in tomllib.loads(path.read_text(encoding="utf-8"))
+    )
 
 
 def load(name_or_path: str) -> Scenario:

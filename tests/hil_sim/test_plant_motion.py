@@ -110,7 +110,7 @@ def test_small_motion_follows_the_linear_frequency_response(parameters, frequenc
 
 
 def test_means_over_a_step_are_differences_of_speed(parameters):
-    """Mean acceleration of the end-effector times the step is the change of its velocity, torque steps or not."""
+    """Mean acceleration times the step is the change of the tip's velocity, torque steps or not."""
     parameters = replace(parameters, load=LOAD, kp=(150.0, 150.0), kd=(5.0, 5.0))
     q0 = joint_angles(LOAD.x0, parameters.link_lengths_m)
     plant = Plant(parameters, q0)
