@@ -21,7 +21,8 @@ class DeviceSamples:
         seq: sample number; wraps at 2**32, a gap means lost samples.
         ax, ay: ADC codes of the accelerometer's two axes.
         enc1, enc2: encoder counter values; wrap at 2**31.
-        flags: bit 0 ADC saturated, 1 encoder fault, 2 sample late, 3 reset since the last sample, 4 sync edge.
+        flags: bit 0 ADC saturated, 1 encoder fault, 2 sample late, 3 reset since the last sample,
+            4 sync edge.
     """
 
     t_us: NDArray[np.uint64]

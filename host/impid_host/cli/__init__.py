@@ -27,12 +27,16 @@ class _LazyGroup(click.Group):
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:  # noqa: ARG002
         if cmd_name not in COMMANDS:
             return None
-        module = importlib.import_module(f"impid_host.cli.{cmd_name}_" if cmd_name == "import" else f"impid_host.cli.{cmd_name}")
+        module = importlib.import_module(
+            f"impid_host.cli.{cmd_name}_" if cmd_name == "import" else f"impid_host.cli.{cmd_name}"
+        )
         command: click.Command = module.command
         return command
 
 
-@click.group(cls=_LazyGroup, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
+@click.group(
+    cls=_LazyGroup, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100}
+)
 @click.version_option(__version__)
 def cli() -> None:
     """Measure a human arm's mechanical impedance without a force sensor.
