@@ -42,6 +42,7 @@ class RobotFit:
 
     Attributes:
         vaf: per joint on the held-out rows, %, averaged over trials; rms: likewise, N m (N).
+        held_out: False when nothing was held out, and vaf and rms are those of the fitted rows.
         sources: where each trial's accelerations came from.
     """
 
@@ -49,6 +50,7 @@ class RobotFit:
     estimate: Estimate
     vaf: Floats
     rms: Floats
+    held_out: bool
     series: tuple[Series, ...]
     sources: tuple[str, ...]
 
@@ -70,6 +72,7 @@ class LoadFit:
         M, B, K: (2, 2), the handle taken off M where it moves with the load; None where the model has none.
         x0: equilibrium, (2,), m; its interval by the delta method.
         vaf: per axis on the held-out rows, %, averaged over trials; rms: likewise, N.
+        held_out: False when nothing was held out, and vaf and rms are those of the fitted rows.
         sources: where each trial's accelerations came from.
     """
 
@@ -83,6 +86,7 @@ class LoadFit:
     x0: Quantity
     vaf: Floats
     rms: Floats
+    held_out: bool
     series: tuple[Series, ...]
     sources: tuple[str, ...]
 
@@ -134,6 +138,7 @@ def identify_robot(
         estimate=estimate,
         vaf=np.mean([part.vaf() for part in shown], axis=0),
         rms=np.sqrt(np.mean([part.rms() ** 2 for part in shown], axis=0)),
+        held_out=split.validation_s > 0,
         series=shown,
         sources=tuple(trial.source for trial in trials),
     )
@@ -179,6 +184,7 @@ def identify_load(
         x0=equilibrium(load, estimate),
         vaf=np.mean([part.vaf() for part in shown], axis=0),
         rms=np.sqrt(np.mean([part.rms() ** 2 for part in shown], axis=0)),
+        held_out=split.validation_s > 0,
         series=shown,
         sources=tuple(trial.source for trial in trials),
     )
@@ -189,23 +195,23 @@ def equilibrium(load: LoadModel, estimate: Estimate) -> Quantity:
     S = load.matrix_map("x")
     place = [load.parameter_names.index("cx"), load.parameter_names.index("cy")]
     K = (S @ estimate.value).reshape(2, 2)
-    x0 = np.linalg.solve(K, estimate.value[place])
+    x0: Floats = np.linalg.solve(K, estimate.value[place]).astype(np.float64)
     # d x0 = K^-1 (d c - dK x0)
-    slope = np.zeros((2, len(estimate.value)))
+    slope: Floats = np.zeros((2, len(estimate.value)))
     slope[:, place] = np.eye(2)
     slope -= np.einsum("ijq,j->iq", S.reshape(2, 2, -1), x0)
-    slope = np.linalg.solve(K, slope)
-    sd = np.sqrt(np.diag(slope @ estimate.covariance @ slope.T))
-    half = stats.t.ppf(0.975, estimate.dof) * sd
+    slope = np.linalg.solve(K, slope).astype(np.float64)
+    variance = np.diag(slope @ estimate.covariance @ slope.T)
+    half = stats.t.ppf(0.975, estimate.dof) * np.sqrt(variance)
     return Quantity(x0, np.stack([x0 - half, x0 + half], axis=1), "m")
 
 
 def _matrix(load: LoadModel, estimate: Estimate, signal: Literal["a", "v", "x"], unit: str) -> Quantity:
     S = load.matrix_map(signal)
-    value: Floats = np.reshape(S @ estimate.value, (2, 2))
-    variance = np.diag(S @ estimate.covariance @ S.T).reshape(2, 2)
-    half = stats.t.ppf(0.975, estimate.dof) * np.sqrt(variance)
-    return Quantity(value, np.stack([value - half, value + half], axis=2), unit)
+    value = S @ estimate.value
+    half = stats.t.ppf(0.975, estimate.dof) * np.sqrt(np.diag(S @ estimate.covariance @ S.T))
+    interval = np.stack([value - half, value + half], axis=1)
+    return Quantity(value.reshape(2, 2), interval.reshape(2, 2, 2), unit)
 
 
 def _fit_rows(equations: Sequence[Equation], chain: Chain, split: Split) -> list[Stretch]:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from impid_host.impedance.campaign import StudyFit
 from impid_host.impedance.identify import LoadFit, RobotFit
 from impid_host.impedance.rows import Series
+from impid_host.report.fit_tables import judged_on
 from impid_host.report.parameter_entries import parameter_entries
 
 _STYLE: dict[Any, Any] = {
@@ -64,7 +65,9 @@ def robot_figure(fit: RobotFit) -> Figure:
         f"VAF {vaf:.2f} %, residual {_three(rms)} {unit} rms"
         for vaf, rms in zip(fit.vaf, fit.rms, strict=True)
     ]
-    return _against(part, labels, notes, f"Robot model on held-out data, {part.trial}", ("logged", "model"))
+    return _against(
+        part, labels, notes, f"Robot model on {judged_on(fit)}, {part.trial}", ("logged", "model")
+    )
 
 
 def load_figure(fits: Sequence[LoadFit]) -> Figure:
@@ -74,7 +77,7 @@ def load_figure(fits: Sequence[LoadFit]) -> Figure:
     notes = [
         f"VAF {vaf:.2f} %, residual {_three(rms)} N rms" for vaf, rms in zip(fit.vaf, fit.rms, strict=True)
     ]
-    title = f"Load {fit.load} on held-out data, {part.trial}"
+    title = f"Load {fit.load} on {judged_on(fit)}, {part.trial}"
     return _against(part, [f"$F_{axis}$ (N)" for axis in "xy"], notes, title, (fit.method, "load model"))
 
 

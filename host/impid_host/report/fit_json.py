@@ -80,6 +80,7 @@ def _robot(robot: RobotFit | RobotParameters) -> Json:
         keys = [f"tau{joint + 1}" for joint in range(len(robot.vaf))]
         result |= {
             "acceleration": sorted(set(robot.sources)),
+            "held_out": robot.held_out,
             "vaf": _keyed(keys, robot.vaf),
             "validation_rms": _keyed(keys, robot.rms),
             "relative_error_percent": robot.estimate.relative_error_percent,
@@ -93,6 +94,7 @@ def _load(fit: LoadFit) -> Json:
     quantities = {"M": fit.M, "B": fit.B, "K": fit.K, "x0": fit.x0}
     return {name: _quantity(q) for name, q in quantities.items() if q is not None} | {
         "acceleration": sorted(set(fit.sources)),
+        "held_out": fit.held_out,
         "vaf": _keyed(keys, fit.vaf),
         "validation_rms": _keyed(keys, fit.rms),
         "relative_error_percent": fit.estimate.relative_error_percent,

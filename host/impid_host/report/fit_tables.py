@@ -53,7 +53,7 @@ def load_table(fits: Sequence[LoadFit]) -> Table:
     for entry in parameter_entries(first):
         table.add_row(entry.label, *(plus_minus(*entry.of(fit)) for fit in fits), entry.unit)
     for axis, label in enumerate(_AXES):
-        table.add_row(f"VAF {label}, held out", *(f"{fit.vaf[axis]:.2f}" for fit in fits), "%")
+        table.add_row(f"VAF {label}, {judged_on(first)}", *(f"{fit.vaf[axis]:.2f}" for fit in fits), "%")
     for axis, label in enumerate(_AXES):
         table.add_row(f"residual rms {label}", *(f"{fit.rms[axis]:.3g}" for fit in fits), "N")
     return table
@@ -90,6 +90,11 @@ def clock_table(fits: Sequence[tuple[str, RobotClockFit]]) -> Table:
     return table
 
 
+def judged_on(fit: RobotFit | LoadFit) -> str:
+    """On which rows VAF and residual were taken."""
+    return "held-out data" if fit.held_out else "fitted data"
+
+
 def number(value: float, ci: Floats) -> str:
     """The value to the digits that its interval supports: two of the half width's."""
     half = 0.5 * float(ci[1] - ci[0])
@@ -114,7 +119,7 @@ def _robot_caption(fit: RobotFit) -> str:
     rms = ", ".join(f"{value:.3g}" for value in fit.rms)
     unit = "N" if fit.parameters.structure.model.name == "slide-1d" else "N m"
     return (
-        f"VAF on held-out data: {vaf}; residual rms {rms} {unit}; "
+        f"VAF on {judged_on(fit)}: {vaf}; residual rms {rms} {unit}; "
         f"relative error {fit.estimate.relative_error_percent:.2f} % of the fitted rows\n"
         f"accelerations from the {sources(fit.sources)}"
     )

@@ -141,3 +141,4 @@ def test_emps_reproduces_the_authors_parameters(measured_data: Path, tmp_path: P
     assert value["offset"] == pytest.approx(-3.1648, rel=0.02)
     assert robot["relative_error_percent"] == pytest.approx(4.0834, abs=0.1)
     assert robot["acceleration"] == ["angles"]
+    assert robot["held_out"] is False

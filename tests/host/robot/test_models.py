@@ -86,12 +86,9 @@ def test_regressor_is_the_power_balance(model: RobotModel, parameters: np.ndarra
     theta, omega, theta_dd = states()
     tau = np.einsum("kjp,p->kj", model.regressor(theta, omega, theta_dd), parameters)
     step = 1e-5
-    ahead = energy(
-        model, theta + step * omega + 0.5 * step**2 * theta_dd, omega + step * theta_dd, parameters
-    )
-    behind = energy(
-        model, theta - step * omega + 0.5 * step**2 * theta_dd, omega - step * theta_dd, parameters
-    )
+    bend = 0.5 * step**2 * theta_dd
+    ahead = energy(model, theta + step * omega + bend, omega + step * theta_dd, parameters)
+    behind = energy(model, theta - step * omega + bend, omega - step * theta_dd, parameters)
     losses = omega**2 @ parameters[-2:]
     balance = (ahead - behind) / (2 * step) + losses
     assert np.einsum("kj,kj->k", tau, omega) == pytest.approx(balance, abs=1e-6)
