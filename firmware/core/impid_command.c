@@ -1,5 +1,9 @@
 #include "impid_command.h"
 
+/* Settings and log words have items of their own in the message set, so that an item means one thing. */
+#define FIRST_SETTING  IMPID_MESSAGES_COMMAND_ITEM_BOOT_COUNT_CHOICE
+#define FIRST_LOG_WORD IMPID_MESSAGES_COMMAND_ITEM_FAULT_COUNT_CHOICE
+
 typedef struct {
     uint8_t result;
     uint32_t value;
@@ -92,6 +96,51 @@ static answer_t self_test(impid_core_t *core) {
     return ok(0u);
 }
 
+static answer_t get(const impid_settings_t *settings, uint8_t item) {
+    uint32_t value = 0;
+    return impid_settings_get(settings, (uint32_t)item - FIRST_SETTING, &value)
+               ? ok(value)
+               : refused(IMPID_MESSAGES_RESPONSE_RESULT_BAD_ITEM_CHOICE);
+}
+
+static answer_t set(impid_settings_t *settings, uint8_t item, uint32_t value) {
+    uint32_t setting = (uint32_t)item - FIRST_SETTING;
+    uint32_t before;
+    if (!impid_settings_get(settings, setting, &before)) {
+        return refused(IMPID_MESSAGES_RESPONSE_RESULT_BAD_ITEM_CHOICE);
+    }
+    return impid_settings_set(settings, setting, value)
+               ? ok(value)
+               : refused(IMPID_MESSAGES_RESPONSE_RESULT_BAD_VALUE_CHOICE);
+}
+
+static answer_t save(impid_settings_t *settings) {
+    return impid_settings_save(settings) ? ok(0u) : refused(IMPID_MESSAGES_RESPONSE_RESULT_FAILED_CHOICE);
+}
+
+static answer_t keep(impid_settings_t *settings, const struct impid_messages_command_t *command) {
+    if (settings == NULL) {
+        return refused(IMPID_MESSAGES_RESPONSE_RESULT_UNKNOWN_OPCODE_CHOICE);
+    }
+    switch (command->opcode) {
+    case IMPID_MESSAGES_COMMAND_OPCODE_GET_CHOICE:
+        return get(settings, command->item);
+    case IMPID_MESSAGES_COMMAND_OPCODE_SET_CHOICE:
+        return set(settings, command->item, command->value);
+    default:
+        return save(settings);
+    }
+}
+
+static answer_t log_word(const impid_core_config_t *config, uint8_t item) {
+    if (config->log == NULL) {
+        return refused(IMPID_MESSAGES_RESPONSE_RESULT_UNKNOWN_OPCODE_CHOICE);
+    }
+    uint32_t word = (uint32_t)item - FIRST_LOG_WORD;
+    return word < config->log_words ? ok(config->log[word])
+                                    : refused(IMPID_MESSAGES_RESPONSE_RESULT_BAD_ITEM_CHOICE);
+}
+
 static answer_t act(impid_core_t *core, impid_carrier_t carrier,
                     const struct impid_messages_command_t *command) {
     switch (command->opcode) {
@@ -103,6 +152,12 @@ static answer_t act(impid_core_t *core, impid_carrier_t carrier,
         return stop(core, carrier);
     case IMPID_MESSAGES_COMMAND_OPCODE_SELF_TEST_CHOICE:
         return self_test(core);
+    case IMPID_MESSAGES_COMMAND_OPCODE_GET_CHOICE:
+    case IMPID_MESSAGES_COMMAND_OPCODE_SET_CHOICE:
+    case IMPID_MESSAGES_COMMAND_OPCODE_SAVE_CHOICE:
+        return keep(core->config.settings, command);
+    case IMPID_MESSAGES_COMMAND_OPCODE_LOG_CHOICE:
+        return log_word(&core->config, command->item);
     case IMPID_MESSAGES_COMMAND_OPCODE_STATUS_CHOICE:
     case IMPID_MESSAGES_COMMAND_OPCODE_RESET_CHOICE:
         return ok(0u); /* acted on once the answer is out */

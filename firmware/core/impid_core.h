@@ -19,6 +19,7 @@
 #include "impid_replies.h"
 #include "impid_sampler.h"
 #include "impid_selftest.h"
+#include "impid_settings.h"
 #include "impid_stream.h"
 #include "impid_timebase.h"
 
@@ -27,12 +28,15 @@
 
 typedef struct {
     uint32_t uid[3];
-    uint16_t boot_id;     /* differs from that of the boot before */
-    uint8_t reset_cause;  /* as STATUS_HEALTH.reset_cause */
-    uint8_t clock_source; /* as STATUS_HEALTH.clock_source */
-    uint16_t vref_mV;     /* converter reference, which is the accelerometer's supply */
-    uint32_t first_index; /* index of the first sample after START */
-    uint64_t boot_us;     /* the board's time at init; its low half is the port's counter */
+    uint16_t boot_id;           /* differs from that of the boot before */
+    uint8_t reset_cause;        /* as STATUS_HEALTH.reset_cause */
+    uint8_t clock_source;       /* as STATUS_HEALTH.clock_source */
+    uint16_t vref_mV;           /* converter reference, which is the accelerometer's supply */
+    uint32_t first_index;       /* index of the first sample after START */
+    uint64_t boot_us;           /* the board's time at init; its low half is the port's counter */
+    impid_settings_t *settings; /* NULL: this board keeps none, and knows no GET, SET, SAVE */
+    const uint32_t *log;        /* the last fault record, NULL: none is kept, and LOG is not known */
+    uint8_t log_words;
 } impid_core_config_t;
 
 typedef struct {

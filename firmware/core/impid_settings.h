@@ -3,8 +3,8 @@
  * How it survives a power cut: values are never overwritten. Each save appends one snapshot of all of them
  * with a sequence number and a checksum to the sector in use; the newest snapshot whose checksum holds is the
  * truth. A snapshot torn by a power cut is skipped, its place is not used again, and the one before it still
- * counts. When a sector is full the next snapshot goes to the other one, which was erased beforehand; the full
- * sector keeps the old truth until the new one stands.
+ * counts. When a sector is full the next snapshot goes to the other one, which was erased beforehand; the
+ * full sector keeps the old truth until the new one stands.
  *
  *   sector:   mark | snapshot | snapshot | ... | erased
  *   mark:     one word, written after an erase has ended, cleared before the next one begins: a sector whose
@@ -13,11 +13,10 @@
  *
  * Data flow: init() finds the newest snapshot; set() changes values in RAM, save() appends them.
  * Ownership: the caller's; flash is reached through three functions of the port.
- * Timing: main loop. init(): one pass over both sectors. save(): one word programmed per value and three more, no
- * erase. Erasing takes up to half a second and stalls the processor, so it is in prepare() alone, which
- * the port calls before it samples.
- * Can fail: set() on an unknown item, a read-only one or a value out of range; save() if flash refuses or both
- * sectors have been filled since prepare().
+ * Timing: main loop. init(): one pass over both sectors. save(): one word programmed per value and three
+ * more, no erase. Erasing takes up to half a second and stalls the processor, so it is in prepare() alone,
+ * which the port calls before it samples. Can fail: set() on an unknown item, a read-only one or a value out
+ * of range; save() if flash refuses or both sectors have been filled since prepare().
  */
 #ifndef IMPID_SETTINGS_H
 #define IMPID_SETTINGS_H
@@ -41,14 +40,14 @@ typedef struct {
 
 /* In this order in the snapshot; new ones go to the end, under a new layout number. */
 typedef enum {
-    IMPID_SETTING_BOOT_COUNT = 0,     /* boots ever; its low half is the boot id. Read-only */
-    IMPID_SETTING_CAN_KBPS = 1,       /* 1000, 500 or 250; from the next boot on */
-    IMPID_SETTING_ACCEL_X_ZERO = 2,   /* 16-bit code at 0 g */
-    IMPID_SETTING_ACCEL_Y_ZERO = 3,   /* 16-bit code at 0 g */
-    IMPID_SETTING_ACCEL_X_PER_G = 4,  /* 16-bit codes per g */
-    IMPID_SETTING_ACCEL_Y_PER_G = 5,  /* 16-bit codes per g */
-    IMPID_SETTING_ENCODER_1_CPR = 6,  /* counts per turn, 0: not known */
-    IMPID_SETTING_ENCODER_2_CPR = 7,  /* counts per turn, 0: not known */
+    IMPID_SETTING_BOOT_COUNT = 0,    /* boots ever; its low half is the boot id. Read-only */
+    IMPID_SETTING_CAN_KBPS = 1,      /* 1000, 500 or 250; from the next boot on */
+    IMPID_SETTING_ACCEL_X_ZERO = 2,  /* 16-bit code at 0 g */
+    IMPID_SETTING_ACCEL_Y_ZERO = 3,  /* 16-bit code at 0 g */
+    IMPID_SETTING_ACCEL_X_PER_G = 4, /* 16-bit codes per g */
+    IMPID_SETTING_ACCEL_Y_PER_G = 5, /* 16-bit codes per g */
+    IMPID_SETTING_ENCODER_1_CPR = 6, /* counts per turn, 0: not known */
+    IMPID_SETTING_ENCODER_2_CPR = 7, /* counts per turn, 0: not known */
     IMPID_SETTINGS = 8
 } impid_setting_t;
 

@@ -8,17 +8,17 @@
 
 #include "impid_messages.h"
 
-#define AF_CAN1          9u
-#define TRANSMIT_FRAMES  64u /* a power of two */
-#define RECEIVE_FRAMES   8u  /* a power of two */
-#define MAILBOXES        3u
-#define INIT_ATTEMPTS    100000u
+#define AF_CAN1         9u
+#define TRANSMIT_FRAMES 64u /* a power of two */
+#define RECEIVE_FRAMES  8u  /* a power of two */
+#define MAILBOXES       3u
+#define INIT_ATTEMPTS   100000u
 /* 15 quanta of 45 MHz / 3 / 15 = 1 Mbit/s; sample point (1 + 12) / 15 = 86.7 %. */
-#define QUANTA           15u
-#define BTR_SEGMENTS     (((12u - 1u) << 16) | ((2u - 1u) << 20))
-#define PRESCALER_AT_1M  3u
+#define QUANTA          15u
+#define BTR_SEGMENTS    (((12u - 1u) << 16) | ((2u - 1u) << 20))
+#define PRESCALER_AT_1M 3u
 /* 8 data bytes: 111 bits, and at most 24 stuffed; these payloads average a few. */
-#define BITS_PER_FRAME   117u
+#define BITS_PER_FRAME 117u
 
 typedef struct {
     impid_can_frame_t frame;
@@ -111,7 +111,8 @@ bool can_pending(void) {
 /* --- Transmission -------------------------------------------------------------------------------- */
 
 static uint32_t word_of(const uint8_t *bytes) {
-    return (uint32_t)bytes[0] | ((uint32_t)bytes[1] << 8) | ((uint32_t)bytes[2] << 16) | ((uint32_t)bytes[3] << 24);
+    return (uint32_t)bytes[0] | ((uint32_t)bytes[1] << 8) | ((uint32_t)bytes[2] << 16) |
+           ((uint32_t)bytes[3] << 24);
 }
 
 /* Interrupt, or main loop masked. TXFP keeps the mailboxes in the order of their requests. */

@@ -27,8 +27,8 @@ bool clock_start(void) {
 
     bool external = external_clock_runs();
     uint32_t m = (external ? BOARD_HSE_MHZ : HSI_MHZ) / PLL_INPUT_MHZ;
-    RCC->PLLCFGR = m | (PLL_N << RCC_PLLCFGR_N_Pos) | RCC_PLLCFGR_P_4 | (external ? RCC_PLLCFGR_SRC_HSE : 0u) |
-                   RCC_PLLCFGR_Q_8 | RCC_PLLCFGR_R_2;
+    RCC->PLLCFGR = m | (PLL_N << RCC_PLLCFGR_N_Pos) | RCC_PLLCFGR_P_4 |
+                   (external ? RCC_PLLCFGR_SRC_HSE : 0u) | RCC_PLLCFGR_Q_8 | RCC_PLLCFGR_R_2;
     RCC->CR |= RCC_CR_PLLON;
     /* Unbounded on purpose here and below: without its clock the board is dead, and it says so by silence. */
     while ((RCC->CR & RCC_CR_PLLRDY) == 0u) {

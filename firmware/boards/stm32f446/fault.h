@@ -11,8 +11,8 @@
 
 typedef enum {
     FAULT_NONE = 0,
-    FAULT_PROCESSOR = 1,            /* hard, memory, bus or usage fault: see CFSR, HFSR */
-    FAULT_CLOCK_LOST = 2,           /* the external clock stopped */
+    FAULT_PROCESSOR = 1,  /* hard, memory, bus or usage fault: see CFSR, HFSR */
+    FAULT_CLOCK_LOST = 2, /* the external clock stopped */
     FAULT_ADC_OVERRUN = 3,
     FAULT_DMA = 4,                  /* the sampling stream reported a transfer error */
     FAULT_UNEXPECTED_INTERRUPT = 5, /* `address` holds the vector's number */

@@ -55,5 +55,8 @@ static bool erase_sector(void *context, uint32_t sector) {
     return erased;
 }
 
-const impid_flash_t flash_port = {
-    .context = NULL, .sector_words = SECTOR_WORDS, .read = read_word, .program = program_word, .erase = erase_sector};
+const impid_flash_t flash_port = {.context = NULL,
+                                  .sector_words = SECTOR_WORDS,
+                                  .read = read_word,
+                                  .program = program_word,
+                                  .erase = erase_sector};

@@ -141,6 +141,9 @@ int main(void) {
         .clock_source = external_clock ? IMPID_MESSAGES_STATUS_HEALTH_CLOCK_SOURCE_HSE_CHOICE
                                        : IMPID_MESSAGES_STATUS_HEALTH_CLOCK_SOURCE_HSI_CHOICE,
         .vref_mV = supply_mV,
+        .settings = &settings,
+        .log = (const uint32_t *)(const void *)fault_log(),
+        .log_words = FAULT_LOG_WORDS,
     };
     impid_core_init(&core, &config, &port);
     sampling_start(&core); /* the time first: receive interrupts stamp with it */

@@ -34,9 +34,9 @@ typedef struct {
 typedef struct {
     reg_t CR, CSR;
 } pwr_regs_t;
-#define PWR             ((pwr_regs_t *)0x40007000u)
-#define PWR_CR_VOS_Msk  (3u << 14)
-#define PWR_CR_VOS_3    (1u << 14)
+#define PWR            ((pwr_regs_t *)0x40007000u)
+#define PWR_CR_VOS_Msk (3u << 14)
+#define PWR_CR_VOS_3   (1u << 14)
 
 /* --- Reset and clock control (6) ----------------------------------------------------------------- */
 typedef struct {
@@ -45,46 +45,46 @@ typedef struct {
     reg_t AHB1LPENR, AHB2LPENR, AHB3LPENR, reserved5, APB1LPENR, APB2LPENR, reserved6[2];
     reg_t BDCR, CSR;
 } rcc_regs_t;
-#define RCC                  ((rcc_regs_t *)0x40023800u)
-#define RCC_CR_HSEON         (1u << 16)
-#define RCC_CR_HSERDY        (1u << 17)
-#define RCC_CR_HSEBYP        (1u << 18)
-#define RCC_CR_CSSON         (1u << 19)
-#define RCC_CR_PLLON         (1u << 24)
-#define RCC_CR_PLLRDY        (1u << 25)
-#define RCC_PLLCFGR_N_Pos    6
-#define RCC_PLLCFGR_P_4      (1u << 16)
-#define RCC_PLLCFGR_SRC_HSE  (1u << 22)
-#define RCC_PLLCFGR_Q_8      (8u << 24) /* unused clock, within its limit */
-#define RCC_PLLCFGR_R_2      (2u << 28) /* unused clock, reset value */
-#define RCC_CFGR_SW_PLL      2u
-#define RCC_CFGR_SWS_Msk     (3u << 2)
-#define RCC_CFGR_SWS_PLL     (2u << 2)
-#define RCC_CFGR_PPRE1_2     (4u << 10)
-#define RCC_CIR_CSSF         (1u << 7)
-#define RCC_CIR_CSSC         (1u << 23)
-#define RCC_AHB1ENR_GPIOA    (1u << 0)
-#define RCC_AHB1ENR_GPIOB    (1u << 1)
-#define RCC_AHB1ENR_GPIOC    (1u << 2)
-#define RCC_AHB1ENR_DMA1     (1u << 21)
-#define RCC_AHB1ENR_DMA2     (1u << 22)
-#define RCC_APB1ENR_TIM2     (1u << 0)
-#define RCC_APB1ENR_TIM3     (1u << 1)
-#define RCC_APB1ENR_TIM4     (1u << 2)
-#define RCC_APB1ENR_TIM5     (1u << 3)
-#define RCC_APB1ENR_TIM12    (1u << 6)
-#define RCC_APB1ENR_USART2   (1u << 17)
-#define RCC_APB1ENR_CAN1     (1u << 25)
-#define RCC_APB1ENR_PWR      (1u << 28)
-#define RCC_APB2ENR_ADC1     (1u << 8)
-#define RCC_APB2ENR_ADC2     (1u << 9)
-#define RCC_CSR_RMVF         (1u << 24)
-#define RCC_CSR_BORRSTF      (1u << 25)
-#define RCC_CSR_PINRSTF      (1u << 26)
-#define RCC_CSR_PORRSTF      (1u << 27)
-#define RCC_CSR_SFTRSTF      (1u << 28)
-#define RCC_CSR_IWDGRSTF     (1u << 29)
-#define RCC_CSR_WWDGRSTF     (1u << 30)
+#define RCC                 ((rcc_regs_t *)0x40023800u)
+#define RCC_CR_HSEON        (1u << 16)
+#define RCC_CR_HSERDY       (1u << 17)
+#define RCC_CR_HSEBYP       (1u << 18)
+#define RCC_CR_CSSON        (1u << 19)
+#define RCC_CR_PLLON        (1u << 24)
+#define RCC_CR_PLLRDY       (1u << 25)
+#define RCC_PLLCFGR_N_Pos   6
+#define RCC_PLLCFGR_P_4     (1u << 16)
+#define RCC_PLLCFGR_SRC_HSE (1u << 22)
+#define RCC_PLLCFGR_Q_8     (8u << 24) /* unused clock, within its limit */
+#define RCC_PLLCFGR_R_2     (2u << 28) /* unused clock, reset value */
+#define RCC_CFGR_SW_PLL     2u
+#define RCC_CFGR_SWS_Msk    (3u << 2)
+#define RCC_CFGR_SWS_PLL    (2u << 2)
+#define RCC_CFGR_PPRE1_2    (4u << 10)
+#define RCC_CIR_CSSF        (1u << 7)
+#define RCC_CIR_CSSC        (1u << 23)
+#define RCC_AHB1ENR_GPIOA   (1u << 0)
+#define RCC_AHB1ENR_GPIOB   (1u << 1)
+#define RCC_AHB1ENR_GPIOC   (1u << 2)
+#define RCC_AHB1ENR_DMA1    (1u << 21)
+#define RCC_AHB1ENR_DMA2    (1u << 22)
+#define RCC_APB1ENR_TIM2    (1u << 0)
+#define RCC_APB1ENR_TIM3    (1u << 1)
+#define RCC_APB1ENR_TIM4    (1u << 2)
+#define RCC_APB1ENR_TIM5    (1u << 3)
+#define RCC_APB1ENR_TIM12   (1u << 6)
+#define RCC_APB1ENR_USART2  (1u << 17)
+#define RCC_APB1ENR_CAN1    (1u << 25)
+#define RCC_APB1ENR_PWR     (1u << 28)
+#define RCC_APB2ENR_ADC1    (1u << 8)
+#define RCC_APB2ENR_ADC2    (1u << 9)
+#define RCC_CSR_RMVF        (1u << 24)
+#define RCC_CSR_BORRSTF     (1u << 25)
+#define RCC_CSR_PINRSTF     (1u << 26)
+#define RCC_CSR_PORRSTF     (1u << 27)
+#define RCC_CSR_SFTRSTF     (1u << 28)
+#define RCC_CSR_IWDGRSTF    (1u << 29)
+#define RCC_CSR_WWDGRSTF    (1u << 30)
 
 /* --- General-purpose I/O (7) --------------------------------------------------------------------- */
 typedef struct {
@@ -102,22 +102,22 @@ typedef struct {
     reg_t LISR, HISR, LIFCR, HIFCR;
     dma_stream_regs_t S[8];
 } dma_regs_t;
-#define DMA1                 ((dma_regs_t *)0x40026000u)
-#define DMA2                 ((dma_regs_t *)0x40026400u)
-#define DMA_CR_EN            (1u << 0)
-#define DMA_CR_TEIE          (1u << 2)
-#define DMA_CR_HTIE          (1u << 3)
-#define DMA_CR_TCIE          (1u << 4)
-#define DMA_CR_FROM_MEMORY   (1u << 6)
-#define DMA_CR_CIRC          (1u << 8)
-#define DMA_CR_MINC          (1u << 10)
-#define DMA_CR_WORDS         ((2u << 11) | (2u << 13)) /* PSIZE, MSIZE */
-#define DMA_CR_VERY_HIGH     (3u << 16)
-#define DMA_CR_CHANNEL(n)    ((uint32_t)(n) << 25)
-#define DMA_STREAM0_FLAGS    0x3Du       /* in LISR, LIFCR */
-#define DMA_STREAM0_TEIF     (1u << 3)
-#define DMA_STREAM6_FLAGS    (0x3Du << 16) /* in HISR, HIFCR */
-#define DMA_STREAM6_TCIF     (1u << 21)
+#define DMA1               ((dma_regs_t *)0x40026000u)
+#define DMA2               ((dma_regs_t *)0x40026400u)
+#define DMA_CR_EN          (1u << 0)
+#define DMA_CR_TEIE        (1u << 2)
+#define DMA_CR_HTIE        (1u << 3)
+#define DMA_CR_TCIE        (1u << 4)
+#define DMA_CR_FROM_MEMORY (1u << 6)
+#define DMA_CR_CIRC        (1u << 8)
+#define DMA_CR_MINC        (1u << 10)
+#define DMA_CR_WORDS       ((2u << 11) | (2u << 13)) /* PSIZE, MSIZE */
+#define DMA_CR_VERY_HIGH   (3u << 16)
+#define DMA_CR_CHANNEL(n)  ((uint32_t)(n) << 25)
+#define DMA_STREAM0_FLAGS  0x3Du /* in LISR, LIFCR */
+#define DMA_STREAM0_TEIF   (1u << 3)
+#define DMA_STREAM6_FLAGS  (0x3Du << 16) /* in HISR, HIFCR */
+#define DMA_STREAM6_TCIF   (1u << 21)
 
 /* --- ADC (13) ------------------------------------------------------------------------------------ */
 typedef struct {
@@ -126,24 +126,24 @@ typedef struct {
 typedef struct {
     reg_t CSR, CCR, CDR;
 } adc_common_regs_t;
-#define ADC1                   ((adc_regs_t *)0x40012000u)
-#define ADC2                   ((adc_regs_t *)0x40012100u)
-#define ADC_COMMON             ((adc_common_regs_t *)0x40012300u)
-#define ADC_SR_EOC             (1u << 1)
-#define ADC_SR_OVR             (1u << 5)
-#define ADC_CR1_OVRIE          (1u << 26)
-#define ADC_CR2_ADON           (1u << 0)
-#define ADC_CR2_EXTSEL_TIM3    (8u << 24) /* TIM3_TRGO */
-#define ADC_CR2_EXTEN_RISING   (1u << 28)
-#define ADC_CR2_SWSTART        (1u << 30)
-#define ADC_SMP_15_CYCLES      1u
-#define ADC_SMP_480_CYCLES     7u
-#define ADC_CCR_REGULAR_DUAL   6u         /* MULTI: regular simultaneous mode */
-#define ADC_CCR_DDS            (1u << 13)
-#define ADC_CCR_DMA_MODE_2     (2u << 14)
-#define ADC_CCR_PCLK2_BY_4     (1u << 16)
-#define ADC_CCR_TSVREFE        (1u << 23)
-#define ADC_VREFINT_CHANNEL    17u
+#define ADC1                 ((adc_regs_t *)0x40012000u)
+#define ADC2                 ((adc_regs_t *)0x40012100u)
+#define ADC_COMMON           ((adc_common_regs_t *)0x40012300u)
+#define ADC_SR_EOC           (1u << 1)
+#define ADC_SR_OVR           (1u << 5)
+#define ADC_CR1_OVRIE        (1u << 26)
+#define ADC_CR2_ADON         (1u << 0)
+#define ADC_CR2_EXTSEL_TIM3  (8u << 24) /* TIM3_TRGO */
+#define ADC_CR2_EXTEN_RISING (1u << 28)
+#define ADC_CR2_SWSTART      (1u << 30)
+#define ADC_SMP_15_CYCLES    1u
+#define ADC_SMP_480_CYCLES   7u
+#define ADC_CCR_REGULAR_DUAL 6u /* MULTI: regular simultaneous mode */
+#define ADC_CCR_DDS          (1u << 13)
+#define ADC_CCR_DMA_MODE_2   (2u << 14)
+#define ADC_CCR_PCLK2_BY_4   (1u << 16)
+#define ADC_CCR_TSVREFE      (1u << 23)
+#define ADC_VREFINT_CHANNEL  17u
 
 /* --- Timers (17: TIM2 to TIM5; 18: TIM12) -------------------------------------------------------- */
 typedef struct {
@@ -213,29 +213,29 @@ typedef struct {
         reg_t FR1, FR2;
     } F[28];
 } can_regs_t;
-#define CAN1               ((can_regs_t *)0x40006400u)
-#define CAN_MCR_INRQ       (1u << 0)
-#define CAN_MCR_TXFP       (1u << 2)
-#define CAN_MCR_ABOM       (1u << 6)
-#define CAN_MSR_INAK       (1u << 0)
-#define CAN_MSR_ERRI       (1u << 2)
-#define CAN_TSR_RQCP       ((1u << 0) | (1u << 8) | (1u << 16))
-#define CAN_TSR_TME(n)     (1u << (26u + (n)))
-#define CAN_TSR_TME_Msk    (7u << 26)
-#define CAN_RF0R_FMP_Msk   3u
-#define CAN_RF0R_RFOM      (1u << 5)
-#define CAN_IER_TMEIE      (1u << 0)
-#define CAN_IER_FMPIE0     (1u << 1)
-#define CAN_IER_BOFIE      (1u << 10)
-#define CAN_IER_ERRIE      (1u << 15)
-#define CAN_ESR_BOFF       (1u << 2)
-#define CAN_ESR_TEC_Pos    16
-#define CAN_ESR_REC_Pos    24
-#define CAN_TIR_TXRQ       (1u << 0)
-#define CAN_TIR_STID_Pos   21
-#define CAN_RIR_STID_Pos   21
-#define CAN_RDTR_DLC_Msk   15u
-#define CAN_FMR_FINIT      (1u << 0)
+#define CAN1             ((can_regs_t *)0x40006400u)
+#define CAN_MCR_INRQ     (1u << 0)
+#define CAN_MCR_TXFP     (1u << 2)
+#define CAN_MCR_ABOM     (1u << 6)
+#define CAN_MSR_INAK     (1u << 0)
+#define CAN_MSR_ERRI     (1u << 2)
+#define CAN_TSR_RQCP     ((1u << 0) | (1u << 8) | (1u << 16))
+#define CAN_TSR_TME(n)   (1u << (26u + (n)))
+#define CAN_TSR_TME_Msk  (7u << 26)
+#define CAN_RF0R_FMP_Msk 3u
+#define CAN_RF0R_RFOM    (1u << 5)
+#define CAN_IER_TMEIE    (1u << 0)
+#define CAN_IER_FMPIE0   (1u << 1)
+#define CAN_IER_BOFIE    (1u << 10)
+#define CAN_IER_ERRIE    (1u << 15)
+#define CAN_ESR_BOFF     (1u << 2)
+#define CAN_ESR_TEC_Pos  16
+#define CAN_ESR_REC_Pos  24
+#define CAN_TIR_TXRQ     (1u << 0)
+#define CAN_TIR_STID_Pos 21
+#define CAN_RIR_STID_Pos 21
+#define CAN_RDTR_DLC_Msk 15u
+#define CAN_FMR_FINIT    (1u << 0)
 
 /* --- Device electronic signature (34); VREFINT_CAL: data sheet, embedded reference voltage -------- */
 #define UNIQUE_ID   ((const volatile uint32_t *)0x1FFF7A10u)

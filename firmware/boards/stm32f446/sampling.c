@@ -11,8 +11,8 @@
 #define CONVERSIONS    (2u * IMPID_OVERSAMPLING) /* two halves */
 #define TRIGGER_HZ     (IMPID_SAMPLE_RATE_HZ * IMPID_OVERSAMPLING)
 #define ENCODER_FILTER 3u /* eight equal readings at 90 MHz: pulses below 89 ns are ignored */
-/* An overdue half is overwritten from its first conversion on: 125 us after the next tick's instant, less what
- * the tick itself takes. */
+/* An overdue half is overwritten from its first conversion on: 125 us after the next tick's instant, less
+ * what the tick itself takes. */
 #define READABLE_US 50u
 
 /* Written by DMA. The word that both converters make of one trigger has x in its low half: x comes first. */
@@ -68,7 +68,8 @@ static void start_stream(dma_stream_regs_t *stream, uint32_t channel, volatile c
     stream->M0AR = (uint32_t)(uintptr_t)to;
     stream->NDTR = CONVERSIONS;
     stream->FCR = 0u;
-    stream->CR = DMA_CR_CHANNEL(channel) | DMA_CR_VERY_HIGH | DMA_CR_WORDS | DMA_CR_MINC | DMA_CR_CIRC | interrupts;
+    stream->CR =
+        DMA_CR_CHANNEL(channel) | DMA_CR_VERY_HIGH | DMA_CR_WORDS | DMA_CR_MINC | DMA_CR_CIRC | interrupts;
     stream->CR |= DMA_CR_EN;
 }
 
@@ -103,7 +104,8 @@ void sampling_start(impid_core_t *the_core) {
     core = the_core;
     due_us = IMPID_PERIOD_US;
     RCC->AHB1ENR |= RCC_AHB1ENR_DMA1 | RCC_AHB1ENR_DMA2;
-    RCC->APB1ENR |= RCC_APB1ENR_TIM2 | RCC_APB1ENR_TIM3 | RCC_APB1ENR_TIM4 | RCC_APB1ENR_TIM5 | RCC_APB1ENR_TIM12;
+    RCC->APB1ENR |=
+        RCC_APB1ENR_TIM2 | RCC_APB1ENR_TIM3 | RCC_APB1ENR_TIM4 | RCC_APB1ENR_TIM5 | RCC_APB1ENR_TIM12;
 
     start_stream(&DMA2->S[0], 0u, &ADC_COMMON->CDR, conversions, DMA_CR_HTIE | DMA_CR_TCIE | DMA_CR_TEIE);
     start_stream(&DMA1->S[1], 3u, &TIM2->CCR3, latched[0], 0u);

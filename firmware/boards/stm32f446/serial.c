@@ -7,14 +7,14 @@
 #include "registers.h"
 #include "timebase.h"
 
-#define BAUD            921600u
-#define DIVIDER         ((CLOCK_APB1_HZ + BAUD / 2u) / BAUD) /* 49: 918367 baud, -0.35 % */
-#define AF_USART2       7u
-#define CHANNEL_USART2  4u
-#define BITS_PER_BYTE   10u
-#define IDLE_AFTER_US   11u /* IDLE is set one byte's time after the last byte */
-#define RECEIVE_BYTES   256u
-#define TRANSMIT_BYTES  1024u /* powers of two */
+#define BAUD           921600u
+#define DIVIDER        ((CLOCK_APB1_HZ + BAUD / 2u) / BAUD) /* 49: 918367 baud, -0.35 % */
+#define AF_USART2      7u
+#define CHANNEL_USART2 4u
+#define BITS_PER_BYTE  10u
+#define IDLE_AFTER_US  11u /* IDLE is set one byte's time after the last byte */
+#define RECEIVE_BYTES  256u
+#define TRANSMIT_BYTES 1024u /* powers of two */
 
 static uint8_t received[RECEIVE_BYTES];
 static uint32_t consumed; /* main loop alone: place of the next byte to hand over */

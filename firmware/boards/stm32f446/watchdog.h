@@ -1,7 +1,7 @@
 /* The independent watchdog: resets a board whose main loop or whose tick has stopped.
  *
- * Runs on the internal 32 kHz oscillator (17 to 47 kHz): 2000 counts of 1/32 are 1.4 s at the shortest, longer
- * than the longest flash erase, and 3.8 s at the longest. Once started it cannot be stopped.
+ * Runs on the internal 32 kHz oscillator (17 to 47 kHz): 2000 counts of 1/32 are 1.4 s at the shortest,
+ * longer than the longest flash erase, and 3.8 s at the longest. Once started it cannot be stopped.
  */
 #ifndef WATCHDOG_H
 #define WATCHDOG_H
