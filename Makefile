@@ -45,4 +45,4 @@ test-python: $(STAMP)
 	$(BIN)/pytest -n 2 --dist loadfile -q
 
 clean: ## remove what was built, but nothing that was recorded
-	rm -rf $(VENV) build .pio .pio-core *.egg-info hil_sim/_native*
+	rm -rf $(VENV) build .pio .pio-core *.egg-info hil_sim/_native*.so hil_sim/_native.c

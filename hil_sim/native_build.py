@@ -37,6 +37,7 @@ ffibuilder.set_source(
     "".join(f'#include "{Path(header).name}"\n' for header in HEADERS),
     sources=sources(),
     include_dirs=INCLUDE_DIRS,
+    depends=[str(path) for folder in INCLUDE_DIRS for path in sorted(Path(folder).glob("*.h"))],
     extra_compile_args=FLAGS,
     libraries=[] if sys.platform == "win32" else ["m"],
 )
