@@ -1,11 +1,12 @@
 """The command protocol against the firmware core, over a pseudo-terminal."""
 
 import pytest
+from cobs import cobs
 from impid_host.clock.device import ClockExchange, fit_clock
 from impid_host.errors import LinkError
 from impid_host.link.client import BoardClient
 from impid_host.link.port import Chunk, SerialLink
-from impid_host.wire.messages import choices
+from impid_host.wire.messages import KIND, choices
 from impid_host.wire.records import Decoded
 
 
@@ -47,23 +48,32 @@ def test_start_stop_and_status(board) -> None:
 
 
 def test_lost_requests_and_answers_are_repeated_without_repeating_the_action(board) -> None:
-    """The first two answers to each request vanish; START is counted once, and the index begins once."""
-    vanish = [2]
+    """Three answers to START vanish; it is carried out once, and a fourth that vanished would be too many."""
+    vanish, rest = [0], [b""]
 
     def drop(data: bytes) -> bytes:
-        if data and vanish[0]:
-            vanish[0] -= 1
-            return b""
-        return data
+        kept = b""
+        *frames, rest[0] = (rest[0] + data).split(b"\0")
+        for frame in frames:
+            answer = bool(frame) and cobs.decode(frame)[0] == KIND["RESPONSE"]
+            if answer and vanish[0]:
+                vanish[0] -= 1
+            else:
+                kept += frame + b"\0"
+        return kept
 
     with SerialLink.open(board.port) as link:
         client = BoardClient(link)
         before = client.status().accepted
-        vanish[0], board.mangle = 2, drop
+        vanish[0], board.mangle = 3, drop
         assert client.start().value == 0
+        assert vanish[0] == 0
         client.stop()
         # START, STOP and the STATUS that asks: a repeated request is answered again, not carried out again.
         assert client.status().accepted == before + 3
+        vanish[0] = 4
+        with pytest.raises(LinkError, match="no answer to STOP after 4 tries"):
+            client.stop()
 
 
 def test_refusals_are_named(board) -> None:

@@ -90,9 +90,11 @@ def test_what_the_line_loses_is_counted_exactly(board, out: Path) -> None:
     assert np.array_equal(s.t_us, s.enc1.astype(np.uint64) * 1000)
 
 
-def test_killed_it_loses_at_most_a_tenth_of_a_second(board, out: Path) -> None:
+@pytest.mark.parametrize("moment_s", [0.09, 0.26, 0.43])
+def test_killed_it_loses_at_most_a_tenth_of_a_second(board, out: Path, moment_s: float) -> None:
     done = start("--port", board.port, "--duration", "60", "--out", out)
-    await_growth(out, 60_000)
+    await_growth(out, 30_000)
+    time.sleep(moment_s)  # the file grows with a flush: any moment but that one
     ticks = board.ticks
     done.kill()
     done.communicate(timeout=10)
