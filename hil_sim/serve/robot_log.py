@@ -2,6 +2,8 @@
 
 from pathlib import Path
 
+import numpy as np
+
 from hil_sim.sensors.torque_log import LogRows, joined
 from hil_sim.study.tables import RobotCsv
 
@@ -13,6 +15,8 @@ class LiveRobotLog:
 
     def __init__(self, path: Path, *, with_force: bool) -> None:
         self._csv = RobotCsv(path, with_force=with_force)
+        # The first write of all loads half of pyarrow, a tenth of a second: now, while the robot rests.
+        self._csv.add(_no_rows(with_force=with_force))
         self._csv.flush()
         self._waiting: list[LogRows] = []
         self.rows = 0
@@ -35,3 +39,8 @@ class LiveRobotLog:
             self.rows += rows.t_s.size
             self._csv.add(rows)
             self._csv.flush()
+
+
+def _no_rows(*, with_force: bool) -> LogRows:
+    pairs = np.zeros((0, 2))
+    return LogRows(t_s=np.zeros(0), theta_rad=pairs, tau_Nm=pairs, force_N=pairs if with_force else None)

@@ -87,7 +87,7 @@ class _Session:
         rate = Clock(0.0, scenario.world.clocks.board_ppm).rate
         self._pace = Pace(FIRST_US, options.speed, rate)
         self._block = max(1, round(BLOCK_WALL_S * options.speed * 1e6 / TICK_US))
-        layout.database()  # takes a tenth of a second: now, not at the first command
+        layout.database()  # another tenth of a second: now, not at the first command
         self._attention_until_us = 0
         self._complaint_us = 0
         self._stop = False
