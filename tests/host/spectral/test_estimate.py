@@ -80,6 +80,46 @@ def test_stated_deviations_are_the_scatter_between_trials(truth):
     assert np.exp(np.mean(np.log(stated / scatter))) == pytest.approx(1.0, abs=0.2)
 
 
+def test_six_pooled_trials_are_unbiased_within_their_stated_deviations(truth):
+    """The diagonal elements, that is: where Z_xy passes zero its gain in dB errs upwards, by up to 1.5
+    deviations.
+    """
+    rng = np.random.default_rng(14)
+    z = []
+    for _ in range(8):
+        trials = [_trial(truth, rng, voluntary=0.5) for _ in range(6)]
+        fit = estimate_spectral(trials, truth.FS, FINE).derived.fit
+        z.append((_parameters(fit) - _true(truth)) / _deviations(fit))
+    z = np.array(z)
+    assert np.sqrt(np.mean(z**2)) == pytest.approx(1.0, abs=0.3)
+    # means of eight: each stays below 3 standard errors, 3 / sqrt(8) deviations
+    assert np.max(np.abs(z.mean(axis=0))[[0, 3, 4, 7, 8, 11]]) < 3 / np.sqrt(8)
+    assert np.max(np.abs(z.mean(axis=0))) < 2.0
+
+
+def test_virtual_force_correlates_with_position_noise_and_only_the_derived_estimate_withstands(truth):
+    """F from the robot's own motion: F = F_c - robot(d_measured), so noise on d is noise on F as well."""
+    arm = truth.arm
+    rng = np.random.default_rng(15)
+
+    def robot(w):
+        return truth.dynamic_stiffness(w, **ROBOT)
+
+    trials = []
+    for _ in range(6):
+        perturbation = truth.coloured(rng, 25000, 2)
+        d = truth.respond(
+            lambda w: np.linalg.inv(truth.dynamic_stiffness(w, arm.M, arm.B, arm.K) + robot(w)), perturbation
+        )
+        measured = d + truth.coloured(rng, 25000, 2, cutoff_Hz=20.0, rms=0.0003)
+        trials.append(TrialSignals(perturbation - truth.respond(robot, measured), measured, perturbation))
+    result = estimate_spectral(trials, truth.FS, FINE)
+    true, sd = _true(truth), _deviations(result.derived.fit)
+    direct, derived = _parameters(result.direct.fit), _parameters(result.derived.fit)
+    assert np.sqrt(np.mean(((derived - true) / sd) ** 2)) < 1.8
+    assert np.sqrt(np.mean(((direct - true) / sd) ** 2)) > 5
+
+
 def test_coherence_of_the_direct_estimate_falls_with_sensor_noise_as_the_closed_form_says(truth):
     rng = np.random.default_rng(9)
     noise = 0.001
