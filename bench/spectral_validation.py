@@ -127,9 +127,8 @@ def main() -> None:
                 vaf = np.array([e.best.agreement[band].vaf_percent for e in estimates])
                 cells = " ".join(f"{v:6.1f}" for v in vaf.mean(axis=0).ravel())
                 upper = estimates[0].best.agreement[band].upper_Hz
-                print(
-                    f"{name} {settings_line(SETTINGS[label])} 0-{upper:g} Hz VAF {cells}  R2 {r2.mean():.4f} min {r2.min():.4f}"
-                )
+                setting = settings_line(SETTINGS[label])
+                print(f"{name} {setting} 0-{upper:g} Hz VAF {cells}  R2 {r2.mean():.4f} min {r2.min():.4f}")
         print(spread(result["45 segments"], load))
     arm = evaluate(rng, ARM, VOLUNTARY_N, known=False)
     for label, estimates in arm.items():

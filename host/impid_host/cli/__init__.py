@@ -15,6 +15,7 @@ COMMANDS = {
     "fit": "Identify the robot, then the load or arm, of a study.",
     "import": "Turn foreign logs (CSV, Parquet, .mat) into a study folder.",
     "export": "Write a study folder from a recording.",
+    "design": "Excitations for the robot: joint references, force perturbations.",
 }
 
 
