@@ -46,6 +46,10 @@ def read_frames(port, seconds, until=lambda frames: False):
     return frames, reader
 
 
+def sample_count(frames):
+    return sum(frame.count for frame in frames if frame.kind == layout.code("BATCH", "kind", "SAMPLES"))
+
+
 def kinds(frames):
     return {frame.kind for frame in frames}
 
@@ -60,7 +64,7 @@ def test_a_trial_is_served_whole_and_its_log_is_that_of_the_study(scenario_file,
         assert str(link.readlink()) == ready["port"]
         with serial.Serial(str(link), 921600, timeout=0.05) as port:
             port.write(command(1, "START"))
-            frames, reader = read_frames(port, 4.0 / SPEED + 1.0)
+            frames, reader = read_frames(port, 60.0, lambda got: sample_count(got) > 3300)
             finished = json.loads(process.stdout.readline())
             written = log.read_bytes()
             port.write(command(2, "PING"))
@@ -72,7 +76,7 @@ def test_a_trial_is_served_whole_and_its_log_is_that_of_the_study(scenario_file,
     assert layout.code("BATCH", "kind", "PONG") in kinds(late)
     assert reader.damaged == 0
     got = samples(frames)
-    assert got.seq.size > 3200
+    assert got.seq.size > 3300
     assert np.all(np.diff(got.seq.astype(np.int64)) == 1)
     assert layout.code("BATCH", "kind", "STATUS") in kinds(frames)
 
@@ -97,7 +101,7 @@ def test_the_robot_rests_until_start_and_sigterm_leaves_a_whole_log(scenario_fil
             assert log.read_text().count("\n") == 1
             assert kinds(before) == {layout.code("BATCH", "kind", "STATUS")}
             port.write(command(1, "START"))
-            read_frames(port, 1.0)
+            read_frames(port, 60.0, lambda _: log.read_text().count("\n") > 300)
         process.send_signal(signal.SIGTERM)
         assert process.wait(timeout=10) == 0
         stopped = json.loads(process.stdout.readline())
@@ -141,7 +145,7 @@ def test_an_existing_file_is_not_replaced_by_the_link(scenario_file, tmp_path):
 
 @pytest.mark.parametrize("trial", ["free_01"])
 def test_ping_is_stamped_with_the_board_time_of_its_arrival(scenario_file, trial):
-    """t2 against the machine's clock: over a second the board gains what its crystal says, to 2 ms."""
+    """One clock map must put every t2 between the sending of its PING and the arrival of its answer."""
     with (
         served(scenario_file(30.0), "--trial", trial) as (_process, ready),
         serial.Serial(ready["port"], 921600, timeout=0.05) as port,
@@ -156,6 +160,7 @@ def test_ping_is_stamped_with_the_board_time_of_its_arrival(scenario_file, trial
             fields = layout.unpack("PONG", np.frombuffer(answer.records, np.uint8).reshape(1, 8))
             stamps.append((time.monotonic() - sent, 1e-6 * float(fields["t2_us"][0]) - sent))
             time.sleep(0.1)
-    # The quickest exchanges are those that the machine did not hold up.
-    quick = [offset for took, offset in sorted(stamps)[:4]]
-    assert max(quick) - min(quick) < 2e-3
+    # board - machine lies between t2 - arrival and t2 - sending in every exchange; 21 ppm of 2 s are 42 us.
+    lowest = max(offset - took for took, offset in stamps)
+    highest = min(offset for _, offset in stamps)
+    assert lowest < highest + 50e-6
