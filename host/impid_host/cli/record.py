@@ -19,7 +19,7 @@ from impid_host.link.client import BoardClient
 from impid_host.link.port import SerialLink
 from impid_host.link.simulator import Simulator
 from impid_host.recording import channels
-from impid_host.recording.display import clock_state, progress_display
+from impid_host.recording.display import progress_display
 from impid_host.recording.reader import read_recording
 from impid_host.recording.recorder import Outcome, Recorder
 from impid_host.recording.writer import RecordingWriter
@@ -122,7 +122,7 @@ def _conclude(outcome: Outcome, out: Path, duration_s: float | None, speed: floa
     stored = sum(ledger.stored for ledger in recording.ledgers)
     lost = sum(ledger.lost for ledger in recording.ledgers)
     try:
-        clock = clock_state(fit_clock(list(outcome.exchanges), nominal_rate=speed))
+        clock = str(fit_clock(list(outcome.exchanges), nominal_rate=speed))
     except UndeterminedError:
         clock = "clock not determined (too few answers to pings)"
     books = "; ".join(str(ledger) for ledger in recording.ledgers) or "no samples"

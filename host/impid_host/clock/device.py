@@ -28,6 +28,7 @@ _SOFTENING_US = 10.0
 # Half the difference of two delays whose excess adds up to s lies anywhere in ± s/2 (variance s^2/12).
 _UNIFORM_VARIANCE = 1 / 12
 _FEWEST = 3
+_KEPT_AT_LEAST = 10  # at the start a fifth would be too few for an interval; the weights sort them out
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,7 +99,7 @@ def fit_clock(
             f"{len(exchanges)} clock exchanges do not determine a clock; it takes {_FEWEST}"
         )
     host_us, ahead_us, rtt_us = _offsets(exchanges, nominal_rate)
-    used = np.argsort(rtt_us, kind="stable")[: max(_FEWEST, round(KEPT_FRACTION * len(rtt_us)))]
+    used = np.argsort(rtt_us, kind="stable")[: max(_KEPT_AT_LEAST, round(KEPT_FRACTION * len(rtt_us)))]
     smallest = float(rtt_us[used[0]])
     x, y = host_us[used], ahead_us[used]
     weight = 1.0 / (rtt_us[used] - smallest + _SOFTENING_US) ** 2
@@ -111,15 +112,18 @@ def fit_clock(
     freedom = max(1.0, float(weight.sum() ** 2 / (weight @ weight)) - 2)
     variance = max(float(weight @ residual**2) / (len(used) - 2), _UNIFORM_VARIANCE)
     half_width = float(stats.t.ppf(0.975, freedom))
-    slope_se = np.sqrt(variance / spread) if spread > 0 else np.inf
-    at_reference_se = np.sqrt(variance / weight.sum() + (slope_se * (reference - centre)) ** 2)
+    # The bound on the drift is knowledge too: it also bounds how wrong the drift can be.
+    slope_interval = (
+        min(half_width * np.sqrt(variance / spread), max_drift_ppm * 1e-6) if spread > 0 else np.inf
+    )
+    level_interval = half_width * np.sqrt(variance / weight.sum())
     bound = smallest / 2
     return ClockEstimate(
         reference_host_us=reference,
         offset_us=level + slope * (reference - centre),
-        offset_interval_us=float(half_width * at_reference_se),
+        offset_interval_us=float(np.hypot(level_interval, slope_interval * (reference - centre))),
         drift_ppm=slope * 1e6,
-        drift_interval_ppm=min(float(half_width * slope_se) * 1e6, max_drift_ppm),
+        drift_interval_ppm=float(slope_interval) * 1e6,
         hard_bound_us=bound,
         exchanges=len(exchanges),
         used=len(used),

@@ -7,7 +7,6 @@ from contextlib import contextmanager
 import rich.progress
 from rich.console import Console
 
-from impid_host.clock.device import ClockEstimate
 from impid_host.recording.recorder import Progress
 
 _PLAIN_EVERY_S = 10.0
@@ -21,7 +20,7 @@ def progress_display(console: Console, name: str, duration_s: float | None) -> "
         return
     columns = (
         rich.progress.TextColumn("{task.description}"),
-        rich.progress.BarColumn(),
+        rich.progress.BarColumn(bar_width=20),
         rich.progress.TextColumn("{task.fields[state]}"),
     )
     with rich.progress.Progress(*columns, console=console) as bar:
@@ -82,10 +81,5 @@ class _Rate:
 def _state(progress: Progress, rate_hz: float) -> str:
     counts = progress.counts
     damaged = f", {counts.bad_frames} damaged frames" if counts.bad_frames else ""
-    clock = clock_state(progress.clock)
-    return f"{progress.elapsed_s:.1f} s  {rate_hz:.0f}/s  {counts.lost} lost{damaged}  {clock}"
-
-
-def clock_state(clock: ClockEstimate | None) -> str:
-    """The clock in a few words."""
-    return "clock unknown yet" if clock is None else str(clock)
+    clock = "?" if progress.clock is None else f"±{progress.clock.offset_interval_us:.0f} us"
+    return f"{progress.elapsed_s:.1f} s  {rate_hz:.0f}/s  {counts.lost} lost{damaged}  clock {clock}"
