@@ -18,6 +18,7 @@ from impid_host.signals.arrays import Floats
 
 _MAX_CONDITION = 1e7
 _ROUNDS = 3
+_HAUSMAN_SIGMAS = 3.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,14 +104,13 @@ def fit_linear(
     work = [_weighted(stretch, np.full(len(scale), np.median(scale))) for stretch in stretches]
     _require_determined(work, names)
     value = _solve(work)
-    orders: tuple[int, ...] = (0,) * len(scale)
-    for _ in range(_ROUNDS if ar_order > 0 else 0):
-        residuals = [_residual(stretch, value) for stretch in stretches]
-        filters = [_whitener([r[:, c] for r in residuals], ar_order) for c in range(len(scale))]
-        orders = tuple(len(taps) - 1 for taps in filters)
-        work = [white for stretch in stretches if (white := _whitened(stretch, filters)) is not None]
-        value = _solve(work)
     covariance, dof = _sandwich(work, value)
+    orders: tuple[int, ...] = (0,) * len(scale)
+    if ar_order > 0:
+        white, white_value, white_orders = _prewhitened_fit(stretches, value, ar_order)
+        if np.all(np.abs(white_value - value) < _HAUSMAN_SIGMAS * np.sqrt(np.diag(covariance))):
+            work, value, orders = white, white_value, white_orders
+            covariance, dof = _sandwich(work, value)
     if nuisance_covariance is not None:
         gain = _nuisance_gain(work)
         covariance = covariance + gain @ nuisance_covariance @ gain.T
@@ -127,6 +127,21 @@ def fit_linear(
         relative_error_percent=float(100 * np.linalg.norm(residual) / np.linalg.norm(target)),
         ar_order=orders,
     )
+
+
+def _prewhitened_fit(
+    stretches: Sequence[Stretch], value: Floats, ar_order: int
+) -> tuple[list[Stretch], Floats, tuple[int, ...]]:
+    """Whitened rows, their least-squares solution, and the autoregression's order per channel."""
+    work: list[Stretch] = []
+    filters: list[Floats] = []
+    for _ in range(_ROUNDS):
+        residuals = [_residual(stretch, value) for stretch in stretches]
+        channels = range(residuals[0].shape[1])
+        filters = [_whitener([r[:, c] for r in residuals], ar_order) for c in channels]
+        work = [white for stretch in stretches if (white := _whitened(stretch, filters)) is not None]
+        value = _solve(work)
+    return work, value, tuple(len(taps) - 1 for taps in filters)
 
 
 def _residual(stretch: Stretch, value: Floats) -> Floats:

@@ -8,6 +8,8 @@ from impid_host.impedance.identify import RobotFit
 from impid_host.signals.chain import DEFAULT, PUBLISHED
 from impid_host.study.model import Study
 
+from .plant import SETUP, Load, measure, simulate
+
 ALPHA = np.array([0.06929, 0.04217, 0.04416, 0.06510, 0.07389])
 M, KXX, KYY, KS = 0.786, 421.57, 213.35, -18.87
 X0 = np.array([0.364, -0.009])
@@ -95,3 +97,35 @@ def test_a_gap_is_left_out_and_said(study: Study) -> None:
     assert not aligned.valid[hole].any()
     assert isinstance(result.robot, RobotFit)
     assert np.abs(result.robot.estimate.value / ALPHA - 1).max() < 0.02
+
+
+def test_arm_with_its_handle_taken_off() -> None:
+    # [D] Table V is of this size; full B and K, mass M + handle as the robot feels it.
+    arm = Load(
+        m=1.2 + 0.135,
+        K=((90.0, 20.0), (12.0, 45.0)),
+        x0=(0.37, 0.01),
+        B=((14.0, 2.0), (1.0, 7.0)),
+    )
+    motions = {
+        "free_01": simulate(31, 26.0),
+        "arm_01": simulate(32, 26.0, load=arm, span_deg=10.0),
+        "arm_02": simulate(33, 26.0, load=arm, span_deg=10.0),
+    }
+    trials = [
+        measure(motion, name, "free" if motion.load is None else "arm", 26.0, seed=index)
+        for index, (name, motion) in enumerate(motions.items())
+    ]
+    fits = fit_study(Study("arm", SETUP, tuple(trials)), Options()).loads
+    assert [fit.method for fit in fits] == ["virtual sensor", "physical sensor"]
+    for fit in fits:
+        assert fit.B is not None
+        assert fit.M.value == pytest.approx(1.2 * np.eye(2), abs=0.04)
+        assert fit.B.value == pytest.approx(np.array(arm.B), abs=0.4)
+        assert fit.K.value == pytest.approx(np.array(arm.K), abs=3.0)
+        assert fit.x0.value == pytest.approx(np.array(arm.x0), abs=1.5e-3)
+        assert (fit.vaf > 98).all()
+        truths = ((fit.M, 1.2 * np.eye(2)), (fit.B, np.array(arm.B)), (fit.K, np.array(arm.K)))
+        for quantity, true in truths:
+            half = 0.5 * np.ptp(quantity.ci95, axis=-1)
+            assert np.all(np.abs(quantity.value - true) < 2 * half)  # four standard errors

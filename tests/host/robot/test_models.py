@@ -82,7 +82,7 @@ def test_the_misprinted_sign_of_eq_12_would_not_be_skew() -> None:
     ("model", "parameters"), [(PLANAR[0], ALPHA), (PLANAR[1], RELATIVE)], ids=["absolute", "relative"]
 )
 def test_regressor_is_the_power_balance(model: RobotModel, parameters: np.ndarray) -> None:
-    # tau . omega = d/dt (kinetic + potential energy) + friction losses, energies from centre-of-mass geometry.
+    # tau . omega = d/dt (kinetic + potential energy) + friction losses; energies from centres of mass.
     theta, omega, theta_dd = states()
     tau = np.einsum("kjp,p->kj", model.regressor(theta, omega, theta_dd), parameters)
     step = 1e-5
