@@ -21,7 +21,7 @@ from hil_sim.serve.session import ServeOptions, serve
 @click.option("--link", type=FILE, help="Also make a symbolic link of this name to the terminal.")
 @click.option("--setup", "setup_file", type=FILE, help="Write the laboratory's setup.toml here.")
 @click.option("--truth", "truth_file", type=FILE, help="Write what is hidden here when the motion starts.")
-def command(  # noqa: PLR0917
+def command(
     scenario: str,
     trial: str,
     speed: float,
