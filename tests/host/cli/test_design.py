@@ -35,8 +35,8 @@ def _read(path):
 def test_ten_sinusoids_have_ten_lines_below_two_hertz(setup, tmp_path):
     out = tmp_path / "sub" / "reference.csv"
     result = _run(
-        "reference", "--setup", setup, "--out", out, "--period", 20, "--rate", 100, "--candidates", 3, "--centre", 45,
-        "--centre", 60,
+        "reference", "--setup", setup, "--out", out, "--period", 20, "--rate", 100,
+        "--candidates", 3, "--centre", 45, "--centre", 60,
     )  # fmt: skip
     assert result.exit_code == 0, result.output
     assert "condition of the robot's regressor" in result.output

@@ -32,6 +32,7 @@ from impid_host.impedance.spectral.second_order import (
     second_order_impedance,
 )
 from impid_host.impedance.spectral.stationarity import StationarityCheck, stationarity
+from impid_host.impedance.spectral.weighted_fit import CrossSpectra, fit_cross_spectra
 from impid_host.impedance.spectral.welch import (
     FINE,
     WelchSetting,
@@ -77,7 +78,8 @@ class ResponseEstimate:
         multiple_coherence: gamma^2 of all inputs on output i, shape (n_f, n).
         random_error: normalised, of each element of C, shape (n_f, n, n).
         Z: impedance (N s/m) at the frequencies of the fit's band, shape (n_b, n, n).
-        fit: second-order model.
+        fit: second-order model by [P]'s appendix.
+        weighted_fit: second-order model by weighted least squares on the cross-spectra; the better numbers.
         agreement: of the expected model, where given, else of the fitted one, over 0-5 and 0-10 Hz.
     """
 
@@ -87,6 +89,7 @@ class ResponseEstimate:
     random_error: Floats
     Z: Complexes
     fit: SecondOrderFit
+    weighted_fit: SecondOrderFit
     agreement: tuple[Agreement, ...]
 
 
@@ -134,7 +137,8 @@ class SpectralEstimate:
         ]
         for name, response in (("direct", self.direct), ("derived", self.derived)):
             if response is not None:
-                lines.append(f"{name} estimate: {response.fit}")
+                lines.append(f"{name} estimate, as published: {response.fit}")
+                lines.append(f"{name} estimate, weighted by its noise: {response.weighted_fit}")
                 lines += [f"  {a}" for a in response.agreement]
         lines += [str(check) for check in self.checks]
         return "\n".join(lines)
@@ -185,7 +189,7 @@ def estimate_spectral(
 
     C = direct_response(S_dF, S_FF)
     spectra = _Spectra(S_dd, S_dF, S_FF, noise_spectrum(C, S_dd, S_dF, S_FF))
-    direct = _response(context, spectra, C, S_FF, S_FF)
+    direct = _response(context, spectra, C, _Instrument(S_dF, S_FF, S_FF))
     derived, T, R = None, None, None
     if all(t.perturbation is not None for t in trials):
         _, S_pp = _pooled(trials, "perturbation", "perturbation", fs, setting)
@@ -193,7 +197,7 @@ def estimate_spectral(
         _, S_Fp = _pooled(trials, "force", "perturbation", fs, setting)
         R, T = direct_response(S_dp, S_pp), direct_response(S_Fp, S_pp)
         # Below the resolution the removed means leave next to nothing of T; C_der is not looked at there.
-        derived = _response(context, spectra, derived_response(R, T), S_Fp, S_pp)
+        derived = _response(context, spectra, derived_response(R, T), _Instrument(S_dp, S_Fp, S_pp))
     return SpectralEstimate(
         frequency,
         band,
@@ -208,6 +212,15 @@ def estimate_spectral(
         zero_coherence_level(averages, S_FF.shape[1]),
         _checks(trials, fs),
     )
+
+
+@dataclass(frozen=True, slots=True)
+class _Instrument:
+    """Cross-spectra of displacement and force with the instrument w, and its own, each shape (n_f, n, n)."""
+
+    dw: Complexes
+    Fw: Complexes
+    ww: Complexes
 
 
 @dataclass(frozen=True, slots=True)
@@ -236,7 +249,7 @@ def _pooled(
 
 
 def _response(
-    context: _Context, spectra: _Spectra, C: Complexes, S_Fw: Complexes, S_ww: Complexes
+    context: _Context, spectra: _Spectra, C: Complexes, instrument: _Instrument
 ) -> ResponseEstimate:
     """Coherences, errors and fit of C = S_dw S_Fw^-1 with instrument w."""
     n = C.shape[1]
@@ -244,9 +257,11 @@ def _response(
     partial = partial_coherence(C, spectra.FF, spectra.noise)
     Z = impedance(frequency, C[band])
     degrees = max(context.averages - n, np.finfo(float).eps)
+    S_Fd = np.conj(np.swapaxes(spectra.dF, 1, 2))
     residual = noise_spectrum(C[band], spectra.dd[band], spectra.dF[band], spectra.FF[band])
     left = _hermitian_root(residual) * np.sqrt(context.averages / degrees)
-    right = _hermitian_root(S_ww[band]) @ np.linalg.inv(S_Fw[band]) / np.sqrt(context.averages)
+    S_dw, S_Fw, S_ww = instrument.dw[band], instrument.Fw[band], instrument.ww[band]
+    right = _hermitian_root(S_ww) @ np.linalg.inv(S_Fw) / np.sqrt(context.averages)
     fit = fit_second_order(
         frequency,
         Z,
@@ -266,6 +281,12 @@ def _response(
         random_error(partial, context.averages, n),
         Z,
         fit,
+        fit_cross_spectra(
+            frequency,
+            CrossSpectra(S_Fw, S_dw, S_ww, spectra.FF[band], S_Fd[band], spectra.dd[band]),
+            context.averages,
+            context.correlation,
+        ),
         tuple(agreement(frequency, Z, model, partial[band], upper) for upper in AGREEMENT_UPPER_HZ),
     )
 
