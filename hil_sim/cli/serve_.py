@@ -1,5 +1,9 @@
 """impid-sim serve"""
 
+import os
+import signal
+import sys
+import threading
 from pathlib import Path
 
 import click
@@ -12,7 +16,7 @@ from hil_sim.serve.session import ServeOptions, serve
 
 @click.command("serve")
 @SCENARIO
-@click.option("--trial", metavar="NAME", required=True, help="Which trial of the scenario to run.")
+@click.option("--trial", metavar="NAME", help="Which trial of the scenario to run. Default: its first.")
 @click.option(
     "--speed", type=click.FloatRange(min=0.1), default=1.0, show_default=True, help="Times real time."
 )
@@ -21,15 +25,17 @@ from hil_sim.serve.session import ServeOptions, serve
 @click.option("--link", type=FILE, help="Also make a symbolic link of this name to the terminal.")
 @click.option("--setup", "setup_file", type=FILE, help="Write the laboratory's setup.toml here.")
 @click.option("--truth", "truth_file", type=FILE, help="Write what is hidden here when the motion starts.")
+@click.option("--until-stdin-closes", is_flag=True, help="End when whoever started this is gone.")
 def command(
     scenario: str,
-    trial: str,
+    trial: str | None,
     speed: float,
     robot_log: Path | None,
     seed: int,
     link: Path | None,
     setup_file: Path | None,
     truth_file: Path | None,
+    until_stdin_closes: bool,
 ) -> None:
     """Serve the sensor board of one trial on a pseudo-terminal.
 
@@ -41,9 +47,11 @@ def command(
       impid-sim serve first-light --trial free_01 --robot-log free_01.csv
     """
     loaded = load(scenario)
+    if until_stdin_closes:
+        threading.Thread(target=_end_with_stdin, daemon=True).start()
     serve(
         loaded,
-        find_trial(loaded, trial),
+        loaded.trials[0] if trial is None else find_trial(loaded, trial),
         ServeOptions(
             seed=seed,
             speed=speed,
@@ -53,3 +61,9 @@ def command(
             truth_file=truth_file,
         ),
     )
+
+
+def _end_with_stdin() -> None:
+    """Nothing is ever written to it: a parent that is killed closes it, without having to say goodbye."""
+    sys.stdin.buffer.read()
+    os.kill(os.getpid(), signal.SIGTERM)

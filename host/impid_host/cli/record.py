@@ -31,7 +31,7 @@ _SWITCH_INTERVAL_S = 0.0005
 
 @click.command()
 @click.option("--port", metavar="PORT", help="Serial device, or an address such as socket://host:port.")
-@click.option("--sim", metavar="SCENARIO:TRIAL", help="Start the simulator and record its board instead.")
+@click.option("--sim", metavar="SCENARIO[:TRIAL]", help="Start the simulator and record its board instead.")
 @click.option(
     "--duration", type=click.FloatRange(min=0, min_open=True), metavar="S", help="Seconds to record."
 )
@@ -43,6 +43,12 @@ _SWITCH_INTERVAL_S = 0.0005
     "--speed", default=1.0, type=click.FloatRange(min=0, min_open=True), help="Simulator: times real time."
 )
 @click.option("--seed", type=int, help="Simulator: seed of its noise.")
+@click.option(
+    "--truth",
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="Simulator: where it writes what it hides, for checking results.",
+)
 def command(
     *,
     port: str | None,
@@ -52,6 +58,7 @@ def command(
     baud: int,
     speed: float,
     seed: int | None,
+    truth: Path | None,
 ) -> None:
     """Record the sensor board (or the simulator) into an MCAP file.
 
@@ -71,21 +78,21 @@ def command(
     """
     if (port is None) == (sim is None):
         raise click.UsageError("give either --port or --sim")
-    if sim is None and (speed != 1.0 or seed is not None):
-        raise click.UsageError("--speed and --seed are for --sim only")
-    if sim is not None and ":" not in sim:
-        raise click.UsageError("--sim needs SCENARIO:TRIAL; `impid-sim list` shows both")
+    if sim is None and (speed != 1.0 or seed is not None or truth is not None):
+        raise click.UsageError("--speed, --seed and --truth are for --sim only")
     robot_log, setup = out.with_suffix(".robot.csv"), out.with_suffix(".setup.toml")
-    for path in (out, robot_log, setup) if sim else (out,):
-        _refuse_existing(path)
+    for path in (out, robot_log, setup, truth) if sim else (out,):
+        if path is not None:
+            _refuse_existing(path)
     with ExitStack() as stack:
         signalled = stack.enter_context(_stop_on_signal())
         stopped: Callable[[], bool] = signalled.is_set
         if sim:
             served = stack.enter_context(
-                Simulator.start(sim, speed=speed, seed=seed, robot_log=robot_log, setup=setup)
+                Simulator.start(sim, speed=speed, seed=seed, robot_log=robot_log, setup=setup, truth=truth)
             )
             port = served.port
+            click.echo(f"simulating {sim.partition(':')[0]}:{served.trial}", err=True)
             if duration is None:
                 stopped = lambda: signalled.is_set() or served.finished  # noqa: E731
         link = stack.enter_context(SerialLink.open(str(port), baud))

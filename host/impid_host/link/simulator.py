@@ -30,14 +30,25 @@ class Simulator:
         self._finished = threading.Event()
         threading.Thread(target=self._read, name="impid-sim", daemon=True).start()
         try:
-            self.port = self._await_port()
+            self.port, self.trial = self._await_port()
         except BaseException:
             self.stop()
             raise
 
     @classmethod
-    def start(cls, scenario: str, *, speed: float, seed: int | None, robot_log: Path, setup: Path) -> Self:
-        """Serve SCENARIO:TRIAL and wait until its port is there.
+    def start(
+        cls,
+        scenario: str,
+        *,
+        speed: float,
+        seed: int | None,
+        robot_log: Path,
+        setup: Path,
+        truth: Path | None = None,
+    ) -> Self:
+        """Serve SCENARIO:TRIAL, or the first trial of SCENARIO, and wait until its port is there.
+
+        `truth` is where the simulator writes what it hides; nothing here reads that.
 
         Raises:
             LinkError: the simulator is not installed or refuses; says why.
@@ -49,14 +60,17 @@ class Simulator:
             raise LinkError(
                 "impid-sim is not installed here; install impid with its simulator (pip install impid)"
             )
-        name, _, trial = scenario.rpartition(":")
-        command = [program, "serve", name, "--trial", trial, "--speed", f"{speed:g}"]
+        name, _, trial = scenario.partition(":")
+        command = [program, "serve", name, "--speed", f"{speed:g}", "--until-stdin-closes"]
+        command += ["--trial", trial] if trial else []
         command += ["--robot-log", str(robot_log), "--setup", str(setup)]
         command += ["--seed", str(seed)] if seed is not None else []
+        command += ["--truth", str(truth)] if truth is not None else []
         errors = tempfile.TemporaryFile("w+", encoding="utf-8")  # noqa: SIM115  (closed by stop)
         process = subprocess.Popen(
             command,
-            stdin=subprocess.DEVNULL,
+            # Never written to: it closes when this program ends, however it ends, and the simulator with it.
+            stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=errors,
             text=True,
@@ -79,6 +93,8 @@ class Simulator:
         except subprocess.TimeoutExpired:
             self._process.kill()
             self._process.wait()
+        if self._process.stdin is not None:
+            self._process.stdin.close()
         self._errors.close()
 
     def __enter__(self) -> Self:
@@ -98,7 +114,7 @@ class Simulator:
         self._lines.put(None)
         self._finished.set()  # a simulator that has gone will bring no more
 
-    def _await_port(self) -> str:
+    def _await_port(self) -> tuple[str, str]:
         while True:
             try:
                 line = self._lines.get(timeout=_READY_S)
@@ -109,9 +125,9 @@ class Simulator:
                 self._errors.seek(0)
                 said = self._errors.read().strip().splitlines()
                 raise LinkError(said[-1] if said else "impid-sim ended before it named a port")
-            port = _announced(line).get("port")
-            if port is not None:
-                return str(port)
+            ready = _announced(line)
+            if "port" in ready:
+                return str(ready["port"]), str(ready.get("trial", ""))
 
 
 def _announced(line: str) -> dict[str, Any]:

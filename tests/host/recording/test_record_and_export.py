@@ -1,6 +1,10 @@
 """From the simulator through a recording into a study folder, by the two commands."""
 
+import json
 import shutil
+import subprocess
+import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -146,3 +150,39 @@ def test_an_unknown_scenario_is_named(tmp_path: Path) -> None:
     said = complaint(run("record", "--sim", "no-such:free_01", "--out", tmp_path / "a.mcap"))
     assert "no-such" in said
     assert list(tmp_path.iterdir()) == []
+
+
+def test_without_a_trial_the_first_is_recorded_and_the_truth_goes_where_it_is_asked(tmp_path: Path) -> None:
+    truth = tmp_path / "truth" / "free.json"
+    truth.parent.mkdir()
+    result = run(
+        "record", "--sim", "first-light", "--speed", 4, "--duration", 2, "--truth", truth,
+        "--out", tmp_path / "free.mcap",
+    )  # fmt: skip
+    assert result.exit_code == 0, (result.output, result.exception)
+    assert "first-light:free_01" in result.output
+    assert "clock" in json.loads(truth.read_text())["trials"]["free_01"]
+
+
+def test_a_killed_recorder_takes_its_simulator_along(tmp_path: Path) -> None:
+    out = tmp_path / "free.mcap"
+    program = [sys.executable, "-c", "from impid_host.cli import main; main()"]
+    recorder = subprocess.Popen([*program, "record", "--sim", "first-light:free_01", "--out", str(out)])
+    deadline = time.monotonic() + 30
+    while not out.exists() and time.monotonic() < deadline:
+        time.sleep(0.02)
+    children = Path(f"/proc/{recorder.pid}/task/{recorder.pid}/children").read_text().split()
+    recorder.kill()
+    recorder.wait(10)
+    (simulator,) = children
+    deadline = time.monotonic() + 5
+    while _runs(simulator) and time.monotonic() < deadline:
+        time.sleep(0.02)
+    assert not _runs(simulator)
+
+
+def _runs(pid: str) -> bool:
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0] != "Z"
+    except OSError:
+        return False

@@ -201,7 +201,7 @@ def test_wrong_input_is_one_clear_line(tmp_path: Path, silent_port: str) -> None
         (["--port", "x", "--speed", "2", "--out", "a.mcap"], "for --sim only"),
         (["--port", "x", "--duration", "-1", "--out", "a.mcap"], "-1"),
         (["--port", "x"], "--out"),
-        (["--sim", "first-light", "--out", "a.mcap"], "SCENARIO:TRIAL"),
+        (["--port", "x", "--truth", "t.json", "--out", "a.mcap"], "for --sim only"),
     ],
 )
 def test_wrong_usage(arguments: list[str], words: str) -> None:
