@@ -6,7 +6,8 @@
 # carries it for its own tests. Everything goes to .pio-core/ and .pio/ of this checkout; the user's own
 # PlatformIO home and the system's package sources stay as they are.
 #
-# usage: scripts/pio_bootstrap.sh [ENVIRONMENT...]      (default: native)
+# PlatformIO wants Unity in every environment of a project that has tests, even where none is run.
+# usage: scripts/pio_bootstrap.sh [ENVIRONMENT...]      (default: all of platformio.ini)
 set -eu
 
 cd "$(dirname "$0")/.."
@@ -14,7 +15,7 @@ root=$PWD
 export PLATFORMIO_CORE_DIR="${PLATFORMIO_CORE_DIR:-$root/.pio-core}"
 export PLATFORMIO_SETTING_ENABLE_TELEMETRY=no PLATFORMIO_SETTING_CHECK_PLATFORMIO_INTERVAL=9999
 bin=$root/.venv/bin
-environments=${*:-native}
+environments=${*:-native qemu_cortex_m4 nucleo_f446re custom_f446re}
 
 # PlatformIO 6 accepts only its own numbering of SCons: 4.41101.0 is 4.11.1.
 scons=4.11.1

@@ -30,8 +30,10 @@
 
 /* What may wait for *_take(): over three minutes of streaming. When full, the line takes no more and the
  * board counts what it drops, as with a cable that nobody reads. */
+#ifndef IMPID_BOARD_SERIAL_CAPACITY /* a machine with less memory may set both lower */
 #define IMPID_BOARD_SERIAL_CAPACITY (4u * 1024u * 1024u)
 #define IMPID_BOARD_CAN_CAPACITY    (384u * 1024u)
+#endif
 
 typedef struct impid_board impid_board;
 
