@@ -75,11 +75,14 @@ def evaluate(
     }
 
 
-def spread(estimates: list[SpectralEstimate], truth: Matrices) -> str:
-    lines = []
+def spread(estimates: list[SpectralEstimate], truth: Matrices, which: str) -> str:
+    """Truth, mean, scatter and stated deviation of each parameter; `which` is `fit` or `weighted_fit`."""
+    lines = [f"  {which}"]
     for name, true in zip("MBK", truth, strict=True):
-        found = np.array([getattr(e.best.fit, name) for e in estimates])
-        stated = np.sqrt(np.mean([getattr(e.best.fit, f"{name}_sd") ** 2 for e in estimates], axis=0))
+        found = np.array([getattr(getattr(e.best, which), name) for e in estimates])
+        stated = np.sqrt(
+            np.mean([getattr(getattr(e.best, which), f"{name}_sd") ** 2 for e in estimates], axis=0)
+        )
         cells = [
             f"{t:8.3f} {m:8.3f} {s:7.3f} {d:7.3f}"
             for t, m, s, d in zip(
@@ -129,11 +132,12 @@ def main() -> None:
                 upper = estimates[0].best.agreement[band].upper_Hz
                 setting = settings_line(SETTINGS[label])
                 print(f"{name} {setting} 0-{upper:g} Hz VAF {cells}  R2 {r2.mean():.4f} min {r2.min():.4f}")
-        print(spread(result["45 segments"], load))
+        print(spread(result["5 segments"], load, "weighted_fit"))
     arm = evaluate(rng, ARM, VOLUNTARY_N, known=False)
     for label, estimates in arm.items():
         print(f"arm, {label}")
-        print(spread(estimates, ARM))
+        print(spread(estimates, ARM, "fit"))
+        print(spread(estimates, ARM, "weighted_fit"))
     print(arm["45 segments"][0])
     if out is None:
         return

@@ -5,6 +5,7 @@ from pathlib import Path
 import click
 import numpy as np
 
+from impid_host.design.force_multisine import design_force_multisines
 from impid_host.design.interaction import Contact, modified_perturbation
 from impid_host.design.perturbation import design_perturbation
 from impid_host.design.reference import (
@@ -196,6 +197,66 @@ def perturbation(
         )
     labels = ("fdx", "fdy", "fdz") if axes <= 3 else tuple(f"fd{k + 1}" for k in range(axes))
     _write(out, {"t": design.t, **{labels[k]: force[:, k] for k in range(axes)}})
+
+
+@command.command()
+@click.option(
+    "--out", type=click.Path(path_type=Path), required=True, help="Folder for one CSV per experiment."
+)
+@click.option(
+    "--rms", type=click.FloatRange(0, min_open=True), required=True, metavar="N", help="Of each axis."
+)
+@click.option("--axes", type=click.IntRange(1, 3), default=2, show_default=True)
+@click.option("--realisations", type=click.IntRange(2), default=4, show_default=True)
+@click.option(
+    "--period", type=click.FloatRange(0, min_open=True), default=10.0, show_default=True, metavar="S"
+)
+@click.option("--periods", type=click.IntRange(2), default=4, show_default=True, help="Steady periods.")
+@click.option("--lead-in", type=click.IntRange(0), default=1, show_default=True, help="Periods before them.")
+@click.option(
+    "--upper", type=click.FloatRange(0, min_open=True), default=15.0, show_default=True, metavar="HZ"
+)
+@click.option("--rate", type=click.FloatRange(100), default=500.0, show_default=True, metavar="HZ")
+@click.option("--seed", type=click.IntRange(0), default=0, show_default=True)
+def multisine(
+    out: Path,
+    rms: float,
+    axes: int,
+    realisations: int,
+    period: float,
+    periods: int,
+    lead_in: int,
+    upper: float,
+    rate: float,
+    seed: int,
+) -> None:
+    """Periodic force perturbations that tell noise from nonlinear distortion.
+
+    Writes force_r<realisation>_e<experiment>.csv with the columns t (s), fdx, fdy, ... (N) and steady (0/1).
+    """
+    design = design_force_multisines(
+        rms,
+        axes=axes,
+        realisations=realisations,
+        period_s=period,
+        upper_Hz=upper,
+        fs=rate,
+        lead_in=lead_in,
+        periods=periods,
+        seed=seed,
+    )
+    samples = design.force.shape[2]
+    for r in range(realisations):
+        for e in range(axes):
+            force = design.command(r, e)
+            row = np.arange(len(force))
+            columns = {
+                "t": row / rate,
+                **{name: force[:, k] for k, name in enumerate(("fdx", "fdy", "fdz")[:axes])},
+            }
+            steady = (row >= lead_in * samples).astype(np.uint8)
+            _write(out / f"force_r{r + 1}_e{e + 1}.csv", {**columns, "steady": steady})
+    click.echo(f"{out}: {design}")
 
 
 def _model(path: Path, setup: Setup) -> RobotModel:

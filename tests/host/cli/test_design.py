@@ -83,6 +83,19 @@ def test_modified_perturbation_needs_what_it_models(setup, tmp_path):
     assert "[prior] alpha" in str(result.exception)
 
 
+def test_multisine_experiments_repeat_their_period_exactly(tmp_path):
+    result = _run(
+        "multisine", "--out", tmp_path, "--rms", 2, "--realisations", 2, "--periods", 2, "--period", 5
+    )
+    assert result.exit_code == 0, result.output
+    names = sorted(path.name for path in tmp_path.iterdir())
+    assert names == [f"force_r{r}_e{e}.csv" for r in (1, 2) for e in (1, 2)]
+    data = _read(tmp_path / names[3])
+    assert data["steady"].sum() == 5000
+    assert data["fdy"].std() == pytest.approx(2.0)
+    np.testing.assert_allclose(data["fdx"][:2500], data["fdx"][5000:], atol=1e-12)
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
