@@ -1,5 +1,10 @@
-"""Everything that pyproject.toml cannot say: the C extension of the simulator."""
+"""Everything that pyproject.toml cannot say: the C extensions of the simulator."""
 
 from setuptools import setup
 
-setup(cffi_modules=["hil_sim/native_build.py:ffibuilder"])
+setup(
+    cffi_modules=[
+        "hil_sim/native_build.py:ffibuilder",
+        "hil_sim/board/elf/clock_build.py:ffibuilder",
+    ]
+)

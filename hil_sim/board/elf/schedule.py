@@ -15,10 +15,11 @@ Action = Callable[[], None]
 class Event:
     """Something that happens at a cycle unless it is cancelled."""
 
-    __slots__ = ("action", "cycle")
+    __slots__ = ("action", "cycle", "seconds")
 
-    def __init__(self, cycle: int, action: Action) -> None:
+    def __init__(self, cycle: int, action: Action, seconds: float | None = None) -> None:
         self.cycle = cycle
+        self.seconds = seconds  # set if the event follows time rather than the processor's clock
         self.action: Action | None = action
 
     def cancel(self) -> None:
@@ -37,6 +38,11 @@ class Schedule:
         self._heap: list[tuple[int, int, Event]] = []
         self._order = count()
 
+    def start(self, cycle: int, seconds: float) -> None:
+        """Begins at a cycle and a time other than zero: the chip was reset, the world goes on."""
+        self.now = self._base_cycle = cycle
+        self._base_seconds = seconds
+
     def at(self, cycle: int, action: Action) -> Event:
         """Calls action at a cycle (at once when that is past, but never before older events)."""
         event = Event(cycle, action)
@@ -46,6 +52,13 @@ class Schedule:
     def after(self, cycles: int, action: Action) -> Event:
         """Calls action so many cycles from now."""
         return self.at(self.now + cycles, action)
+
+    def after_seconds(self, delay: float, action: Action) -> Event:
+        """Calls action after a stretch of time, whatever becomes of the processor's clock meanwhile."""
+        seconds = self.seconds() + delay
+        event = Event(self.now + self.cycles_for(delay), action, seconds)
+        heapq.heappush(self._heap, (event.cycle, next(self._order), event))
+        return event
 
     def next_cycle(self) -> int | None:
         """When the next event happens."""
@@ -80,3 +93,8 @@ class Schedule:
         self._base_seconds = self.seconds()
         self._base_cycle = self.now
         self.frequency = frequency
+        waiting, self._heap[:] = self._heap[:], []
+        for cycle, order, event in waiting:
+            if event.seconds is not None:
+                event.cycle = max(self.now, self.cycle_at(event.seconds))
+            heapq.heappush(self._heap, (cycle if event.seconds is None else event.cycle, order, event))

@@ -1,0 +1,1 @@
+"""The shipping binary in an emulated STM32F446RE."""

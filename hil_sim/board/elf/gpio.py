@@ -1,0 +1,69 @@
+"""General-purpose I/O ports (RM0390 chapter 7)."""
+
+from typing import TYPE_CHECKING, ClassVar
+
+from hil_sim.board.elf.registers import ALL, Peripheral, Register
+
+if TYPE_CHECKING:
+    from hil_sim.board.elf.soc import Soc
+
+INPUT, OUTPUT, ALTERNATE, ANALOG = range(4)
+# MODER, OSPEEDR and PUPDR after reset: port A and B carry the debug pins (7.4.1, 7.4.3, 7.4.4).
+RESETS = {"A": (0xA800_0000, 0x0C00_0000, 0x6400_0000), "B": (0x0280, 0x00C0, 0x0100)}
+
+
+class Gpio(Peripheral):
+    """A port; `drive` sets what the world puts on a pin."""
+
+    WIDTHS = (2, 4)
+    REGISTERS: ClassVar[tuple[Register, ...]] = (
+        Register("MODER", 0x00, "7.4.1", modelled=ALL),
+        Register("OTYPER", 0x04, "7.4.2", modelled=0xFFFF),
+        Register("OSPEEDR", 0x08, "7.4.3", modelled=ALL),
+        Register("PUPDR", 0x0C, "7.4.4", modelled=ALL),
+        Register("IDR", 0x10, "7.4.5"),
+        Register("ODR", 0x14, "7.4.6", modelled=0xFFFF),
+        Register("BSRR", 0x18, "7.4.7", modelled=ALL),
+        Register("AFRL", 0x20, "7.4.9", modelled=ALL),
+        Register("AFRH", 0x24, "7.4.10", modelled=ALL),
+    )
+
+    def __init__(self, letter: str, base: int, soc: "Soc") -> None:
+        super().__init__(f"GPIO{letter}", base, soc)
+        for name, value in zip(("MODER", "OSPEEDR", "PUPDR"), RESETS.get(letter, (0, 0, 0)), strict=True):
+            self.value[name] = value
+        self._driven: dict[int, bool] = {}
+
+    def mode(self, pin: int) -> int:
+        """INPUT, OUTPUT, ALTERNATE or ANALOG."""
+        return self.value["MODER"] >> 2 * pin & 3
+
+    def alternate(self, pin: int) -> int | None:
+        """The alternate function that the pin is switched to, if it is."""
+        word = self.value["AFRL" if pin < 8 else "AFRH"]
+        return word >> 4 * (pin % 8) & 15 if self.mode(pin) == ALTERNATE else None
+
+    def drive(self, pin: int, high: bool | None) -> None:
+        """What the world puts on a pin; None lets go of it."""
+        if high is None:
+            self._driven.pop(pin, None)
+        else:
+            self._driven[pin] = high
+
+    def level(self, pin: int) -> bool:
+        """The pin: an output's own level, what drives it, or its pull resistor (open without one: low)."""
+        if self.mode(pin) == OUTPUT:
+            return bool(self.value["ODR"] >> pin & 1)
+        return self._driven.get(pin, self.value["PUPDR"] >> 2 * pin & 3 == 1)
+
+    def read_idr(self) -> int:
+        """Levels of the sixteen pins."""
+        return sum(self.level(pin) << pin for pin in range(16) if self.mode(pin) != ANALOG)
+
+    def read_bsrr(self) -> int:
+        """Write-only: reads as 0."""
+        return 0
+
+    def write_bsrr(self, value: int) -> None:
+        """Low half sets, high half resets; setting wins (7.4.7)."""
+        self.value["ODR"] = (self.value["ODR"] & ~(value >> 16) | value) & 0xFFFF
