@@ -29,7 +29,7 @@ _MIN_CORRELATION = 0.7
 _CLEAR_WIN = 2.0
 _CANDIDATES = 8
 _OUTLIER_SIGMAS = 8.0
-_BLOCK_S = 1.0
+_BLOCK_S = 0.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -182,7 +182,7 @@ def match_clocks(
         if (solution := _refine(interpolant, robot, lag)) is not None
     ]
     best = _clear_winner(solutions)
-    covariance, dof = _covariance(best)
+    covariance, dof = _covariance(best, interpolant.resolution)
     fit = RobotClockFit(
         robot_ref_s=float(t_robot_s[0] + best.centre_robot),
         device_ref_s=float(t_device_s[0] + best.centre_device),
@@ -380,18 +380,20 @@ def _clear_winner(solutions: list[_Solution]) -> _Solution:
     return best
 
 
-def _covariance(best: _Solution) -> tuple[Floats, float]:
-    """Block sandwich: quantisation errors of a slow motion are not independent from row to row."""
+def _covariance(best: _Solution, resolution: Floats) -> tuple[Floats, float]:
+    """Block sandwich, since counting errors of a slow motion hang together; at least the counting noise."""
     scores = np.einsum("kjp,kj,kj->kp", best.design, best.weight, best.residual)
     normal = np.einsum("kjp,kj,kjq->pq", best.design, best.weight, best.design)
-    span = best.rows[-1] - best.rows[0]
-    count = int(np.clip(span / _BLOCK_S, 8, 100))
+    count = int(np.clip((best.rows[-1] - best.rows[0]) / _BLOCK_S, 8, 400))
     edges = np.linspace(best.rows[0], best.rows[-1], count + 1)
     block = np.clip(np.searchsorted(edges, best.rows, side="right") - 1, 0, count - 1)
     sums = np.zeros((count, scores.shape[1]))
     np.add.at(sums, block, scores)
     parameters = normal.shape[0]
     inverse = np.linalg.inv(normal)
-    meat = sums.T @ sums * (count / (count - 2))
-    covariance = inverse @ meat @ inverse
-    return covariance[:2, :2], float(count - min(parameters, 4))
+    covariance = inverse @ (sums.T @ sums) @ inverse * (count / (count - parameters))
+    counted = np.where(np.isfinite(resolution), resolution, 0.0) ** 2 / 6
+    used = (best.weight > 0) / np.maximum(counted, 1e-300)
+    floor = np.linalg.inv(np.einsum("kjp,kj,kjq->pq", best.design, used, best.design))
+    stretch = np.sqrt(np.maximum(np.diag(floor) / np.diag(covariance), 1.0))[:2]
+    return covariance[:2, :2] * np.outer(stretch, stretch), float(count - parameters)
