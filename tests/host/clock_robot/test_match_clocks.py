@@ -185,7 +185,7 @@ def periodic(t: np.ndarray) -> np.ndarray:
     ("theta", "words"),
     [
         (at_rest, "hardly move"),
-        (ramp, "speed never changes|does not determine|hardly|open by|same motion"),
+        (ramp, "one speed|speed never changes"),
         (periodic, "repeats itself"),
     ],
 )
