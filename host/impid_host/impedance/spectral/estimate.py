@@ -42,6 +42,8 @@ from impid_host.impedance.spectral.welch import (
 )
 
 FIT_UPPER_HZ = 10.0
+# [P]'s perturbation ends at 15 Hz; far beyond, ratios of two nothings say nothing.
+UPPER_HZ = 25.0
 AGREEMENT_UPPER_HZ = (5.0, 10.0)
 
 
@@ -98,7 +100,7 @@ class SpectralEstimate:
     """Everything [P] reports on a load.
 
     Attributes:
-        frequency_Hz: shape (n_f,), from zero.
+        frequency_Hz: shape (n_f,), positive, up to `upper_Hz`.
         band: the frequencies of the fit, boolean, shape (n_f,).
         setting: Welch segmentation.
         segments: averaged segments over all trials ([P]'s N_MNS times the trials).
@@ -161,6 +163,7 @@ def estimate_spectral(
     *,
     expected: tuple[Floats, Floats, Floats] | None = None,
     fit_upper_Hz: float = FIT_UPPER_HZ,
+    upper_Hz: float = UPPER_HZ,
 ) -> SpectralEstimate:
     """Impedance of one load from one or more trials, whose spectra are averaged.
 
@@ -170,15 +173,25 @@ def estimate_spectral(
         setting: `FINE` or `SMOOTH`.
         expected: (M, B, K) known beforehand, as of a spring array; the agreement then is with that model.
         fit_upper_Hz: end of the band that the second-order model is fitted over.
+        upper_Hz: highest frequency of the estimates; the perturbation should reach it.
 
     Raises:
         UndeterminedError: no trials, trials shorter than one window, or inputs that cannot be told apart.
     """
     if not trials:
         raise UndeterminedError("no stochastic trials of this load")
-    frequency, S_dd = _pooled(trials, "displacement", "displacement", fs, setting)
-    _, S_dF = _pooled(trials, "displacement", "force", fs, setting)
-    _, S_FF = _pooled(trials, "force", "force", fs, setting)
+
+    def pooled(a: str, b: str) -> Complexes:
+        return _pooled(trials, (a, b), fs, setting)[kept]
+
+    grid = np.arange(setting.n_fft // 2 + 1) * fs / setting.n_fft
+    kept = (grid > 0) & (grid <= max(upper_Hz, fit_upper_Hz))
+    frequency = grid[kept]
+    S_dd, S_dF, S_FF = (
+        pooled("displacement", "displacement"),
+        pooled("displacement", "force"),
+        pooled("force", "force"),
+    )
     segments = sum(setting.segments(len(t.force)) for t in trials)
     averages = sum(independent_averages(setting, len(t.force)) for t in trials)
     band = (frequency >= setting.resolution_Hz(fs) * (1 - 1e-9)) & (frequency <= fit_upper_Hz)
@@ -192,11 +205,9 @@ def estimate_spectral(
     direct = _response(context, spectra, C, _Instrument(S_dF, S_FF, S_FF))
     derived, T, R = None, None, None
     if all(t.perturbation is not None for t in trials):
-        _, S_pp = _pooled(trials, "perturbation", "perturbation", fs, setting)
-        _, S_dp = _pooled(trials, "displacement", "perturbation", fs, setting)
-        _, S_Fp = _pooled(trials, "force", "perturbation", fs, setting)
+        S_pp = pooled("perturbation", "perturbation")
+        S_dp, S_Fp = pooled("displacement", "perturbation"), pooled("force", "perturbation")
         R, T = direct_response(S_dp, S_pp), direct_response(S_Fp, S_pp)
-        # Below the resolution the removed means leave next to nothing of T; C_der is not looked at there.
         derived = _response(context, spectra, derived_response(R, T), _Instrument(S_dp, S_Fp, S_pp))
     return SpectralEstimate(
         frequency,
@@ -233,19 +244,12 @@ class _Context:
 
 
 def _pooled(
-    trials: Sequence[TrialSignals], a: str, b: str, fs: float, setting: WelchSetting
-) -> tuple[Floats, Complexes]:
+    trials: Sequence[TrialSignals], signals: tuple[str, str], fs: float, setting: WelchSetting
+) -> Complexes:
     """Cross-spectrum of two signals averaged over the trials, each weighted by its number of segments."""
-    total: Complexes | None = None
-    weights = 0
-    frequency = np.empty(0)
-    for trial in trials:
-        frequency, spectrum = cross_spectra(getattr(trial, a), getattr(trial, b), fs, setting)
-        weight = setting.segments(len(trial.force))
-        total = weight * spectrum if total is None else total + weight * spectrum
-        weights += weight
-    assert total is not None
-    return frequency, total / weights
+    weights = np.array([setting.segments(len(trial.force)) for trial in trials], dtype=np.float64)
+    spectra = [cross_spectra(getattr(t, signals[0]), getattr(t, signals[1]), fs, setting)[1] for t in trials]
+    return np.asarray(np.tensordot(weights / weights.sum(), np.array(spectra), axes=1))
 
 
 def _response(
