@@ -183,6 +183,10 @@ def test_what_cannot_be_evaluated_is_refused(truth):
         estimate_spectral([], truth.FS)
     with pytest.raises(ValueError, match="must agree"):
         TrialSignals(np.zeros((10, 2)), np.zeros((9, 2)))
+    broken = np.ones((10, 2))
+    broken[3, 1] = np.nan
+    with pytest.raises(UndeterminedError, match="missing samples"):
+        TrialSignals(np.ones((10, 2)), broken)
     F = truth.coloured(np.random.default_rng(1), 25000, 1)
     same = np.concatenate([F, F], axis=1)
     with pytest.raises(UndeterminedError, match="linearly dependent"):

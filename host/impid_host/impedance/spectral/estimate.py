@@ -63,10 +63,13 @@ class TrialSignals:
     perturbation: Floats | None = None
 
     def __post_init__(self) -> None:
-        for name, signal in (("displacement", self.displacement), ("perturbation", self.perturbation)):
-            if signal is not None and signal.shape != self.force.shape:
-                raise ValueError(
-                    f"{name} has shape {signal.shape}, force {self.force.shape}; they must agree"
+        commanded = () if self.perturbation is None else (self.perturbation,)
+        for signal in (self.force, self.displacement, *commanded):
+            if signal.shape != self.force.shape:
+                raise ValueError(f"signals of shapes {self.force.shape} and {signal.shape} must agree")
+            if not np.all(np.isfinite(signal)):
+                raise UndeterminedError(
+                    "a stochastic trial has missing samples; spectra need an unbroken record, cut or fill it"
                 )
 
 
