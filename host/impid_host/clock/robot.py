@@ -374,14 +374,14 @@ def _clear_winner(solutions: list[_Solution]) -> _Solution:
         apart = abs((other.centre_device - other.centre_robot) - (best.centre_device - best.centre_robot))
         if apart > 0.02 and other.score < _CLEAR_WIN * best.score:
             raise UndeterminedError(
-                f"the motion repeats itself or keeps one speed: clock offsets {apart:.3f} s apart fit equally well; "
+                f"the motion repeats itself or keeps one speed: offsets {apart:.3f} s apart fit equally well; "
                 "start both logs before the motion begins, and vary it"
             )
     return best
 
 
 def _covariance(best: _Solution, resolution: Floats) -> tuple[Floats, float]:
-    """Block sandwich, since counting errors of a slow motion hang together; at least the counting noise."""
+    """Block sandwich: counting errors of a slow motion hang together; at least the counting noise."""
     scores = np.einsum("kjp,kj,kj->kp", best.design, best.weight, best.residual)
     normal = np.einsum("kjp,kj,kjq->pq", best.design, best.weight, best.design)
     count = int(np.clip((best.rows[-1] - best.rows[0]) / _BLOCK_S, 8, 400))
