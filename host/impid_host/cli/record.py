@@ -130,8 +130,8 @@ def _conclude(outcome: Outcome, out: Path, duration_s: float | None, speed: floa
     lost = sum(ledger.lost for ledger in recording.ledgers)
     try:
         clock = str(fit_clock(list(outcome.exchanges), nominal_rate=speed))
-    except UndeterminedError:
-        clock = "clock not determined (too few answers to pings)"
+    except UndeterminedError as error:
+        clock = f"clock not determined: {error}"
     books = "; ".join(str(ledger) for ledger in recording.ledgers) or "no samples"
     click.echo(f"{out}: {stored} samples stored, {lost} lost, {recording.duration_s:.3f} s; {clock}; {books}")
     if outcome.ending == "disconnected":

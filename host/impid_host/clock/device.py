@@ -28,6 +28,8 @@ _SOFTENING_US = 10.0
 # Half the difference of two delays whose excess adds up to s lies anywhere in ± s/2 (variance s^2/12).
 _UNIFORM_VARIANCE = 1 / 12
 _FEWEST = 3
+# Both clocks' stamps are cut to whole microseconds on the board.
+_STAMP_US = 2.0
 _KEPT_AT_LEAST = 10  # at the start a fifth would be too few for an interval; the weights sort them out
 
 
@@ -92,13 +94,19 @@ def fit_clock(
     keep and a few chance delays at the start of a recording do not.
 
     Raises:
-        UndeterminedError: fewer than three exchanges.
+        UndeterminedError: fewer than three exchanges, or exchanges that no clock within the bound can have made.
     """
     if len(exchanges) < _FEWEST:
         raise UndeterminedError(
             f"{len(exchanges)} clock exchanges do not determine a clock; it takes {_FEWEST}"
         )
     host_us, ahead_us, rtt_us = _offsets(exchanges, nominal_rate)
+    if _impossible(host_us, ahead_us, rtt_us, max_drift_ppm * 1e-6):
+        raise UndeterminedError(
+            f"the exchanges contradict a board clock within {max_drift_ppm:g} ppm of {nominal_rate:g} times "
+            "the PC's clock, so no offset is given; is this a simulator that runs faster than real time, or "
+            "does the board run on the wrong crystal?"
+        )
     used = np.argsort(rtt_us, kind="stable")[: max(_KEPT_AT_LEAST, round(KEPT_FRACTION * len(rtt_us)))]
     smallest = float(rtt_us[used[0]])
     x, y = host_us[used], ahead_us[used]
@@ -144,6 +152,22 @@ def _offsets(exchanges: list[ClockExchange], nominal_rate: float) -> tuple[Float
     return (t1 + t4) / 2 + origin, ahead, (t4 - t1) - (t3 - t2)
 
 
+def _impossible(x: Floats, y: Floats, rtt: Floats, max_slope: float) -> bool:
+    """Whether no clock whose rate stays within ± max_slope passes through every y ± rtt/2.
+
+    That interval holds the truth whatever the delays were. The rate need not be constant: a crystal that
+    warms up is no contradiction.
+    """
+    half = rtt / 2 + _STAMP_US
+    if (half < 0).any():  # the board held the answer for longer than the whole exchange took
+        return True
+    order = np.argsort(x, kind="stable")
+    x, low, high = x[order] - x[order[0]], (y - half)[order], (y + half)[order]
+    too_fast = low - max_slope * x > np.minimum.accumulate(high - max_slope * x)
+    too_slow = high + max_slope * x < np.maximum.accumulate(low + max_slope * x)
+    return bool((too_fast | too_slow).any())
+
+
 def _line(x: Floats, y: Floats, weight: Floats, max_slope: float) -> tuple[float, float]:
     """Weighted centre of x, and the slope of the weighted line, held within ± max_slope."""
     centre = float(weight @ x / weight.sum())
@@ -170,8 +194,11 @@ class OnlineClock:
             self._window.popleft()
 
     def estimate(self) -> ClockEstimate | None:
-        """The estimate at the latest exchange; None until there are enough of them."""
+        """The estimate at the latest exchange; None while the exchanges do not determine it."""
         if len(self._window) < _FEWEST:
             return None
         latest_us = self._window[-1].t4_ns * 1e-3 * self.nominal_rate
-        return fit_clock(list(self._window), nominal_rate=self.nominal_rate, reference_host_us=latest_us)
+        try:
+            return fit_clock(list(self._window), nominal_rate=self.nominal_rate, reference_host_us=latest_us)
+        except UndeterminedError:
+            return None

@@ -374,7 +374,8 @@ def _clear_winner(solutions: list[_Solution]) -> _Solution:
         apart = abs((other.centre_device - other.centre_robot) - (best.centre_device - best.centre_robot))
         if apart > 0.02 and other.score < _CLEAR_WIN * best.score:
             raise UndeterminedError(
-                f"the motion repeats itself or keeps one speed: offsets {apart:.3f} s apart fit equally well; "
+                f"the motion repeats itself or keeps one speed: "
+                f"offsets {apart:.3f} s apart fit equally well; "
                 "start both logs before the motion begins, and vary it"
             )
     return best

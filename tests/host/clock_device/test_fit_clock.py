@@ -122,3 +122,36 @@ def test_two_exchanges_do_not_determine_a_clock() -> None:
     with pytest.raises(UndeterminedError, match="2 clock exchanges"):
         fit_clock([exchange(0, 1, 1, line(0, 0))] * 2)
     assert OnlineClock().estimate() is None
+
+
+def test_the_quickest_fifth_and_no_other_exchange_carries_the_fit() -> None:
+    """Twenty of a hundred are symmetric; the rest take 2 us longer and are wrong by as much as they can be."""
+    quick = [exchange(1e5 * n, 150, 150, line(0, 5000)) for n in range(0, 100, 5)]
+    slow = [exchange(1e5 * n, 302, 0, line(0, 5000)) for n in range(100) if n % 5]
+    fit = fit_clock(sorted(quick + slow, key=lambda e: e.t1_ns))
+    assert fit.used == 20
+    assert fit.offset_us == pytest.approx(5000, abs=1e-6)
+    # One symmetric exchange fewer, and one of the wrong ones has to be taken in: 151 us * weight.
+    spoiled = fit_clock(sorted(quick[1:] + slow, key=lambda e: e.t1_ns))
+    assert spoiled.used == 20
+    assert spoiled.offset_us > 5003
+
+
+@pytest.mark.parametrize("rate", [10.0, 0.999, 1.002])
+def test_a_clock_beyond_the_bound_gets_no_number(rate: float) -> None:
+    """A simulator at ten times real time; boards that are wrong by 0.1 and 0.2 %."""
+    rng = np.random.default_rng(5)
+    exchanges = model_link(rng, lambda t: t * rate)
+    with pytest.raises(UndeterminedError, match="contradict a board clock within 500 ppm"):
+        fit_clock(exchanges)
+    clock = OnlineClock()
+    for each in exchanges:
+        clock.add(each)
+    assert clock.estimate() is None
+
+
+def test_a_crystal_that_warms_up_is_no_contradiction() -> None:
+    """30 ppm of change over an hour bends the line by far more than a round trip; it is still a clock."""
+    rng = np.random.default_rng(6)
+    exchanges = model_link(rng, lambda t: t + 30e-6 * (t - 8e9) ** 2 / 3.6e9, duration_s=3600)
+    assert abs(fit_clock(exchanges).drift_ppm) < 100
