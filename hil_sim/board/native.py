@@ -71,6 +71,11 @@ class NativeBoard:
         return self._next_tick_us
 
     @property
+    def lines_idle_us(self) -> int:
+        """Board time at which all that now waits will have left the board."""
+        return int(lib.impid_board_lines_idle_us(self._board))
+
+    @property
     def self_test_pin(self) -> bool:
         """The accelerometer's self-test input is driven."""
         return bool(lib.impid_board_self_test_pin(self._board))
@@ -97,6 +102,14 @@ class NativeBoard:
             ffi.NULL if faults is None else pointer("uint8_t[]", np.ascontiguousarray(faults)),
         )
         self._next_tick_us += TICK_US * ticks
+
+    def advance(self, t_us: int) -> None:
+        """Lets the lines carry on until board time t_us, between ticks."""
+        lib.impid_board_advance(self._board, t_us)
+
+    def can_bus_off(self) -> None:
+        """The CAN controller has seen too many errors and left the bus; what waited for it is lost."""
+        lib.impid_board_can_bus_off(self._board)
 
     def serial_receive(self, data: bytes, t_us: int) -> None:
         """Bytes that arrived at board time t_us."""

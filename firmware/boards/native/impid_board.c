@@ -12,6 +12,12 @@
 
 #define VREF_MV 3300u
 
+/* How far a line of `per_ms` units (bytes or frames) a millisecond has come. */
+typedef struct {
+    uint64_t at_us;  /* what could leave until here has left */
+    uint64_t credit; /* thousandths of the next unit that have left already */
+} line_t;
+
 struct impid_board {
     impid_core_t core;
     impid_port_t port;
@@ -22,6 +28,8 @@ struct impid_board {
     bool reset_requested;
     bool bus_is_off;
     uint16_t bus_off;
+    line_t serial_line;
+    line_t can_line;
     /* Bytes and frames: those up to `left` have passed the line and may be taken, the rest is queued. */
     size_t serial_used;
     size_t serial_left;
@@ -34,6 +42,33 @@ struct impid_board {
 static uint32_t port_now_us(void *context) {
     const impid_board *board = context;
     return (uint32_t)board->now_us;
+}
+
+/* How many of `queued` units leave between the line's last time and t_us. An idle line saves nothing up. */
+static size_t carried(line_t *line, uint32_t per_ms, size_t queued, uint64_t t_us) {
+    uint64_t credit = line->credit + (t_us - line->at_us) * per_ms;
+    line->at_us = t_us;
+    size_t count = credit / 1000u < queued ? (size_t)(credit / 1000u) : queued;
+    line->credit = count == queued ? 0u : credit % 1000u;
+    return count;
+}
+
+static void advance_lines(impid_board *board) {
+    uint32_t bytes_per_ms = board->config.serial_bytes_per_ms;
+    uint32_t frames_per_ms = board->config.can_frames_per_ms;
+    if (bytes_per_ms > 0u) {
+        size_t queued = board->serial_used - board->serial_left;
+        board->serial_left += carried(&board->serial_line, bytes_per_ms, queued, board->now_us);
+    }
+    if (frames_per_ms > 0u) {
+        size_t queued = board->can_used - board->can_left;
+        board->can_left += carried(&board->can_line, frames_per_ms, queued, board->now_us);
+    }
+}
+
+/* Until `queued` units have left, rounded up. */
+static uint64_t wait_us(const line_t *line, uint32_t per_ms, size_t queued) {
+    return per_ms == 0u || queued == 0u ? 0u : (queued * 1000u - line->credit + per_ms - 1u) / per_ms;
 }
 
 static bool port_serial_send(void *context, const uint8_t *bytes, size_t count) {
@@ -72,9 +107,9 @@ static bool port_can_send(void *context, const impid_can_frame_t *frame) {
 static uint32_t port_backlog_us(void *context, impid_carrier_t carrier) {
     const impid_board *board = context;
     bool serial = carrier == IMPID_CARRIER_SERIAL;
-    uint32_t per_ms = serial ? board->config.serial_bytes_per_ms : board->config.can_frames_per_ms;
     size_t queued = serial ? board->serial_used - board->serial_left : board->can_used - board->can_left;
-    return per_ms == 0u ? 0u : (uint32_t)(queued * 1000u / per_ms);
+    return (uint32_t)(serial ? wait_us(&board->serial_line, board->config.serial_bytes_per_ms, queued)
+                             : wait_us(&board->can_line, board->config.can_frames_per_ms, queued));
 }
 
 static void port_self_test_pin(void *context, bool drive) {
@@ -100,6 +135,8 @@ impid_board *impid_board_new(const impid_board_config *config) {
     board->config = *config;
     board->now_us = config->start_us;
     board->next_tick_us = config->start_us;
+    board->serial_line.at_us = config->start_us;
+    board->can_line.at_us = config->start_us;
     board->port = (impid_port_t){.context = board,
                                  .now_us = port_now_us,
                                  .serial_send = port_serial_send,
@@ -124,18 +161,11 @@ void impid_board_free(impid_board *board) {
     free(board);
 }
 
-/* One millisecond of the line: what it can carry leaves the queue. */
-static void advance_lines(impid_board *board) {
-    size_t bytes = board->serial_used - board->serial_left;
-    if (board->config.serial_bytes_per_ms > 0u && bytes > board->config.serial_bytes_per_ms) {
-        bytes = board->config.serial_bytes_per_ms;
+static void advance_clock(impid_board *board, uint64_t t_us) {
+    if (board->now_us < t_us) {
+        board->now_us = t_us;
     }
-    board->serial_left += bytes;
-    size_t frames = board->can_used - board->can_left;
-    if (board->config.can_frames_per_ms > 0u && frames > board->config.can_frames_per_ms) {
-        frames = board->config.can_frames_per_ms;
-    }
-    board->can_left += frames;
+    advance_lines(board);
 }
 
 static uint8_t tick_flags(uint8_t faults) {
@@ -152,11 +182,8 @@ void impid_board_run(impid_board *board, size_t ticks, const uint16_t *adc, cons
                              .encoder = {(uint32_t)encoder[2u * i], (uint32_t)encoder[2u * i + 1u]},
                              .t_us = (uint32_t)board->next_tick_us,
                              .flags = tick_flags(fault)};
-        if (board->now_us < board->next_tick_us) {
-            board->now_us = board->next_tick_us;
-        }
+        advance_clock(board, board->next_tick_us);
         board->next_tick_us += IMPID_PERIOD_US;
-        advance_lines(board);
         impid_core_tick(&board->core, &tick);
         if (!(fault & IMPID_BOARD_STALLED)) {
             board->bus_is_off = false;
@@ -169,10 +196,16 @@ uint64_t impid_board_now_us(const impid_board *board) {
     return board->now_us;
 }
 
-static void advance_clock(impid_board *board, uint64_t t_us) {
-    if (board->now_us < t_us) {
-        board->now_us = t_us;
-    }
+void impid_board_advance(impid_board *board, uint64_t t_us) {
+    advance_clock(board, t_us);
+}
+
+uint64_t impid_board_lines_idle_us(const impid_board *board) {
+    uint64_t serial = wait_us(&board->serial_line, board->config.serial_bytes_per_ms,
+                              board->serial_used - board->serial_left);
+    uint64_t can =
+        wait_us(&board->can_line, board->config.can_frames_per_ms, board->can_used - board->can_left);
+    return board->now_us + (serial > can ? serial : can);
 }
 
 void impid_board_serial_receive(impid_board *board, const uint8_t *bytes, size_t count, uint64_t t_us) {

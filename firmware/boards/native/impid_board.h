@@ -11,7 +11,8 @@
  * Time: the board's own clock in microseconds since its boot. Tick k happens at start_us + k * 1000.
  * Conversion j of that tick (j = 0..7) happened at the tick's time + (j - 7) * 125 us: the last one and
  * the encoder latch share the instant of the tick. Between ticks the clock follows the t_us that the
- * caller passes to *_receive().
+ * caller passes to *_receive() and _advance(). A line of finite speed empties itself as that clock goes on:
+ * what has not left by then is not there to be taken.
  *
  * The sample that leaves at tick k belongs to the instant of tick k - 2: the decimation filter (28 taps,
  * linear phase, 1687.5 us) and the accelerometer's output filter (500 Hz, 318.3 us) together delay the
@@ -66,6 +67,11 @@ void impid_board_run(impid_board *board, size_t ticks, const uint16_t *adc, cons
                      const uint8_t *faults);
 
 uint64_t impid_board_now_us(const impid_board *board);
+/* The clock shows t_us (nothing happens if it is past that) and the lines have carried what they can until
+ * then. */
+void impid_board_advance(impid_board *board, uint64_t t_us);
+/* When all that now waits will have left the board; the clock's own time if nothing waits. */
+uint64_t impid_board_lines_idle_us(const impid_board *board);
 
 void impid_board_serial_receive(impid_board *board, const uint8_t *bytes, size_t count, uint64_t t_us);
 size_t impid_board_serial_take(impid_board *board, uint8_t *out, size_t capacity);

@@ -100,7 +100,8 @@ static void test_every_sample_arrives(void) {
     TEST_ASSERT_EQUAL_UINT64(1109000, impid_board_now_us(board));
 }
 
-/* A line at half the rate that the stream needs: what is missing equals what the board says it dropped. */
+/* A line at half the rate that the stream needs: what is missing equals what
+ * the board says it dropped. */
 static void test_a_line_too_slow_loses_whole_frames_and_says_so(void) {
     make_board(&(impid_board_config){.serial_bytes_per_ms = 10});
     impid_board_run(board, 10, adc, encoder, NULL);
@@ -142,7 +143,8 @@ static void test_ping_between_ticks_and_across_the_wrap(void) {
     TEST_ASSERT_EQUAL_UINT16(77, seen.pong.request_id);
     TEST_ASSERT_EQUAL_UINT32(100, seen.pong.t2_us);
     TEST_ASSERT_EQUAL_UINT16(0, seen.pong.hold_us);
-    /* Delivered late: the stamp is the arrival's, the hold is what went by since. */
+    /* Delivered late: the stamp is the arrival's, the hold is what went by since.
+     */
     impid_board_run(board, 2, adc, encoder, NULL);
     send(78, IMPID_MESSAGES_COMMAND_OPCODE_PING_CHOICE, start + 3200u);
     seen = receive();
@@ -150,14 +152,39 @@ static void test_ping_between_ticks_and_across_the_wrap(void) {
     TEST_ASSERT_EQUAL_UINT16(800, seen.pong.hold_us);
 }
 
-/* At 92 bytes a millisecond a pong behind a batch waits for it; the hold includes that wait. */
+/* At 92 bytes a millisecond a pong behind another answer waits for what is left
+ * of it; the hold includes that wait. */
 static void test_hold_includes_what_is_under_way_on_the_line(void) {
     make_board(&(impid_board_config){.serial_bytes_per_ms = 92});
     impid_board_run(board, 10, adc, encoder, NULL);
     send(1, IMPID_MESSAGES_COMMAND_OPCODE_START_CHOICE, 9500); /* its answer: 34 bytes */
     send(2, IMPID_MESSAGES_COMMAND_OPCODE_PING_CHOICE, 9600);
     impid_board_run(board, 5, adc, encoder, NULL);
-    TEST_ASSERT_EQUAL_UINT16(34u * 1000u / 92u, receive().pong.hold_us);
+    /* 34 bytes take 369.6 us, 100 of which have gone by. */
+    TEST_ASSERT_EQUAL_UINT16(270, receive().pong.hold_us);
+}
+
+/* The answer to a ping leaves between ticks, byte by byte, not at the next
+ * tick. */
+static void test_the_line_carries_between_ticks(void) {
+    make_board(&(impid_board_config){.serial_bytes_per_ms = 92});
+    impid_board_run(board, 10, adc, encoder, NULL); /* the last at 9000 us */
+    TEST_ASSERT_EQUAL_UINT64(9000, impid_board_lines_idle_us(board));
+    send(1, IMPID_MESSAGES_COMMAND_OPCODE_PING_CHOICE, 9100);
+    TEST_ASSERT_EQUAL_UINT64(9100 + 370, impid_board_lines_idle_us(board));
+    TEST_ASSERT_EQUAL_UINT(0, impid_board_serial_take(board, bytes, sizeof bytes));
+    impid_board_advance(board, 9200); /* 9.2 bytes */
+    TEST_ASSERT_EQUAL_UINT(9, impid_board_serial_take(board, bytes, sizeof bytes));
+    impid_board_advance(board, 9300); /* 18.4 */
+    TEST_ASSERT_EQUAL_UINT(9, impid_board_serial_take(board, &bytes[9], sizeof bytes - 9u));
+    impid_board_advance(board, 9469);
+    TEST_ASSERT_EQUAL_UINT(15, impid_board_serial_take(board, &bytes[18], sizeof bytes - 18u));
+    impid_board_advance(board, 9470);
+    TEST_ASSERT_EQUAL_UINT(1, impid_board_serial_take(board, &bytes[33], sizeof bytes - 33u));
+    TEST_ASSERT_EQUAL_UINT8(0, bytes[33]); /* the delimiter */
+    TEST_ASSERT_EQUAL_UINT64(9470, impid_board_now_us(board));
+    impid_board_advance(board, 9000);
+    TEST_ASSERT_EQUAL_UINT64(9470, impid_board_now_us(board));
 }
 
 static void test_bus_off_is_counted_and_recovered_from(void) {
@@ -237,6 +264,7 @@ int main(void) {
     RUN_TEST(test_a_stalled_main_loop_loses_what_the_ring_cannot_hold);
     RUN_TEST(test_ping_between_ticks_and_across_the_wrap);
     RUN_TEST(test_hold_includes_what_is_under_way_on_the_line);
+    RUN_TEST(test_the_line_carries_between_ticks);
     RUN_TEST(test_bus_off_is_counted_and_recovered_from);
     RUN_TEST(test_output_that_nobody_takes_is_dropped_and_counted);
     RUN_TEST(test_two_boards_in_one_process_do_not_meet);
