@@ -30,7 +30,7 @@ class Converter(Peripheral):
     """One ADC's own registers."""
 
     REGISTERS: ClassVar[tuple[Register, ...]] = (
-        Register("SR", 0x00, "13.13.1", modelled=0x3F),
+        Register("SR", 0x00, "13.13.1", modelled=ALL),
         Register("CR1", 0x04, "13.13.2", modelled=EOCIE | OVRIE),
         Register("CR2", 0x08, "13.13.3", modelled=ADON | DMA | DDS | EOCS | 0x3F00_0000 | SWSTART),
         Register("SMPR1", 0x0C, "13.13.4", modelled=0x07FF_FFFF),

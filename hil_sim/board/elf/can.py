@@ -123,8 +123,6 @@ class Can(Peripheral):
 
     def write_mcr(self, value: int) -> None:
         """Requests for initialisation and sleep; normal mode is entered after 11 recessive bits (30.4.2)."""
-        if not value & DBF:
-            raise self.unmodelled("write", "MCR", 0, DBF)
         old, self.value["MCR"] = self.value["MCR"], value
         if value & INRQ:
             self.value["MSR"] = self.value["MSR"] & ~SLAK | INAK

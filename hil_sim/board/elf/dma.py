@@ -151,7 +151,7 @@ class Dma(Peripheral):
         Register("PAR", 0x08, "9.5.7", modelled=ALL),
         Register("M0AR", 0x0C, "9.5.8", modelled=ALL),
         Register("M1AR", 0x10, "9.5.9", modelled=ALL),
-        Register("FCR", 0x14, "9.5.10", reset=0x21, modelled=0x03),
+        Register("FCR", 0x14, "9.5.10", reset=0x21, modelled=0x3B),
     )
 
     def __init__(self, name: str, base: int, soc: "Soc", irqs: tuple[int, ...]) -> None:
@@ -209,8 +209,12 @@ class Dma(Peripheral):
             return super().read(offset, size)
         number, inner = divmod(offset - 0x10, 0x18)
         stream, register = self.streams[number], self._rows[inner]
-        fifo_empty = 4 << 3 if register.name == "FCR" else 0  # FS 100: empty (9.5.10)
-        return stream.value[register.name] & (ALL if not fifo_empty else ~0x38) | fifo_empty
+        # FS reads 100, empty (9.5.10): in direct mode nothing stays in the FIFO.
+        return (
+            stream.value[register.name] & ~0x38 | 0x20
+            if register.name == "FCR"
+            else stream.value[register.name]
+        )
 
     def write(self, offset: int, size: int, value: int) -> None:
         """Registers other than CR are read-only while the stream is enabled."""

@@ -80,6 +80,10 @@ class Schedule:
         """Time since power-on, in seconds."""
         return self._base_seconds + (self.now - self._base_cycle) / self.frequency
 
+    def cycle_seconds(self, cycle: int) -> float:
+        """Time since power-on of a cycle, if the clock keeps its frequency."""
+        return self._base_seconds + (cycle - self._base_cycle) / self.frequency
+
     def cycle_at(self, seconds: float) -> int:
         """The cycle at a time since power-on, if the clock keeps its frequency."""
         return self._base_cycle + round((seconds - self._base_seconds) * self.frequency)

@@ -78,6 +78,8 @@ class Soc:
         self.on_reset: Callable[[], None] = lambda: None
         self.on_exception: Callable[[int, bool], None] | None = None
         self.resets: list[str] = []
+        self.stop_at_reset = False
+        self.in_reset = False
         self.reset_flags = 0
         self.thread_held = False
         self.interrupts_held = False
@@ -224,6 +226,7 @@ class Soc:
         self.schedule.start(self.clock.cycles, seconds)
         self.clock.watch_priority = NO_WATCH
         self._build(cause)
+        self.in_reset = self.stop_at_reset
         self.on_reset()
 
     # --- running ------------------------------------------------------------------------------------
@@ -235,6 +238,10 @@ class Soc:
             self.schedule.fire(clock.cycles)
             if self._reset_cause is not None:
                 self._reset(self._reset_cause)
+            if self.in_reset:
+                clock.cycles = max(clock.cycles, cycle)
+                self.schedule.fire(clock.cycles)
+                return
             if clock.cycles >= cycle:
                 return
             self._take_interrupt()

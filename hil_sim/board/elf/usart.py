@@ -7,7 +7,7 @@ The line is two streams of bytes with the instants at which their last bits pass
 from collections import deque
 from typing import TYPE_CHECKING, ClassVar
 
-from hil_sim.board.elf.registers import Peripheral, Register
+from hil_sim.board.elf.registers import ALL, Peripheral, Register
 from hil_sim.board.elf.schedule import Event
 
 if TYPE_CHECKING:
@@ -25,7 +25,7 @@ class Usart(Peripheral):
     """An asynchronous port; `signal_*` say whether its pins are switched to it."""
 
     REGISTERS: ClassVar[tuple[Register, ...]] = (
-        Register("SR", 0x00, "25.6.1", reset=TXE | TC, modelled=0x3FF),
+        Register("SR", 0x00, "25.6.1", reset=TXE | TC, modelled=ALL),
         Register("DR", 0x04, "25.6.2", modelled=0x1FF),
         Register("BRR", 0x08, "25.6.3", modelled=0xFFFF),
         Register("CR1", 0x0C, "25.6.4", modelled=RE | TE | IDLEIE | RXNEIE | TCIE | TXEIE | UE),

@@ -1,0 +1,235 @@
+"""The shipping binary behind the same protocol as the native core.
+
+The emulated chip is wired as firmware/boards/nucleo_f446re/README.md says. A row of `run` is a millisecond of
+the world: what the converters see at eight instants 125 us apart, and where the encoders are at the last of
+them. Rows are laid on the chip's own trigger grid at its first conversion; between ticks encoders move linearly,
+and they rest for 1 us around each tick, so a latch that is later than that shows in the samples.
+"""
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil_sim.board.elf.can import Frame
+from hil_sim.board.elf.errors import EmulatorError
+from hil_sim.board.elf.image import flash
+from hil_sim.board.elf.memory import Memory
+from hil_sim.board.elf.signature import VREFINT_CAL
+from hil_sim.board.elf.soc import Soc
+from hil_sim.board.native import TICK_US, BoardConfig
+
+CONVERSIONS = 8
+TRIGGER_S = 125e-6
+TICK_S = 1e-3
+REST_TICKS = 1e-3  # 1 us, in ticks
+BOOT_STEP_S = 50e-6
+BOOT_LIMIT_S = 20.0
+SERIAL_BAUD = 921600
+FRAME_BITS = 10
+VREFINT_CHANNEL = 17
+AXIS_OF_CHANNEL = {10: 0, 11: 1}
+SELF_TEST = ("B", 5)
+ENCODER_FAULT = ("B", 10)
+SYNC = ("B", 6)
+SYNC_PULSE_S = 50e-6
+ENCODERS = (("TIM2", 0), ("TIM5", 1))
+FAULT_ENCODER, FAULT_SYNC, FAULT_LATE, FAULT_STALLED = 1, 2, 4, 8
+BUS_OFF_ERRORS = 32  # transmissions that fail with a bit error: 8 each, 256 is bus-off
+
+
+class ElfBoard:
+    """A Nucleo-F446RE in this process, running a binary; implements `Board`.
+
+    After a reset (RESET command, watchdog) the chip waits, `reset_requested` stays true, and `reboot` lets it
+    boot again with the memory that it had.
+
+    Args:
+        image: the ELF file, or the memory of a chip that has run before (its settings are kept).
+        config: of BoardConfig only the unique identity applies; the rest is the binary's own business.
+        hse_present: the external clock runs.
+    """
+
+    def __init__(
+        self, image: Path | Memory, config: BoardConfig | None = None, hse_present: bool = True
+    ) -> None:
+        memory = flash(image) if isinstance(image, Path) else image
+        self.soc = Soc(memory, (config or BoardConfig()).uid, hse_present)
+        self._adc: NDArray[np.uint16]  # (n, 8, 2), of the rows that run
+        self._encoder: NDArray[np.int64]  # (n + 1, 2), unwrapped: the row before, then those that run
+        self._first_row: int  # of those that run
+        self._rows: int  # since boot
+        self._converting: bool
+        self._first_trigger_s = 0.0  # of row 0
+        self.soc.stop_at_reset = True
+        self.reboot()
+
+    def reboot(self) -> None:
+        """Boots the chip, up to just before its first conversion; the world rests meanwhile.
+
+        Raises:
+            EmulatorError: the binary starts no conversion.
+        """
+        self._converting = False
+        self._rows = self._first_row = 0
+        self._adc = np.zeros((0, CONVERSIONS, 2), np.uint16)
+        self._encoder = np.zeros((1, 2), np.int64)
+        self._connect()
+        self.soc.in_reset = False
+        limit = self.soc.schedule.seconds() + BOOT_LIMIT_S
+        while (trigger := self.soc.adc.next_trigger()) is None:
+            if self.soc.schedule.seconds() > limit:
+                raise EmulatorError(f"the binary starts no conversion within {BOOT_LIMIT_S:g} s of its boot")
+            self.soc.run_for(BOOT_STEP_S)
+        self._first_trigger_s = self.soc.schedule.cycle_seconds(trigger)
+        self._converting = True
+
+    # --- the world at the pins ----------------------------------------------------------------------
+
+    def _connect(self) -> None:
+        """Wires the world to the chip."""
+        self.soc.adc.source = self._analog
+        for name, axis in ENCODERS:
+            timer = self.soc.timers[name]
+            timer.position = lambda axis=axis, name=name: self._position(axis, name)
+        for port, pin in (ENCODER_FAULT, ("A", 8)):
+            self.soc.gpio[port].drive(pin, True)
+        self.soc.can1.sent.clear()
+
+    def _analog(self, channel: int) -> int:
+        if channel == VREFINT_CHANNEL:
+            return VREFINT_CAL
+        if channel not in AXIS_OF_CHANNEL:
+            raise EmulatorError(f"nothing is wired to ADC channel {channel}")
+        if not self.soc.analog_input(channel):
+            raise EmulatorError(f"the pin of ADC channel {channel} is not in analogue mode")
+        conversion = round((self.soc.schedule.seconds() - self._first_trigger_s) / TRIGGER_S)
+        row, step = divmod(conversion, CONVERSIONS)
+        row -= self._first_row
+        if not 0 <= row < len(self._adc):
+            return 0  # while the chip boots
+        return int(self._adc[row, step, AXIS_OF_CHANNEL[channel]])
+
+    def _position(self, axis: int, timer: str) -> int:
+        """Counts of an encoder now; 0 while the chip boots, which is where its counters start."""
+        if not self._converting or not all(self.soc.routed(f"{timer}_CH{channel}") for channel in (1, 2)):
+            return 0
+        since = self.soc.schedule.seconds() - self._first_trigger_s - (CONVERSIONS - 1) * TRIGGER_S
+        place = since / TICK_S - self._first_row + 1  # index into self._encoder
+        nearest = round(place)
+        rows = self._encoder[:, axis]
+        if abs(place - nearest) <= REST_TICKS:
+            return int(rows[min(max(nearest, 0), len(rows) - 1)])
+        low = min(max(int(place), 0), len(rows) - 2)
+        share = min(max(place - low, 0.0), 1.0)
+        return int(rows[low] + round(share * float(rows[low + 1] - rows[low])))
+
+    # --- Board --------------------------------------------------------------------------------------
+
+    @property
+    def now_us(self) -> int:
+        """The board's clock, microseconds since its boot (its first trigger is at 125)."""
+        return int((self.soc.schedule.seconds() - self._first_trigger_s + TRIGGER_S) * 1e6)
+
+    @property
+    def next_tick_us(self) -> int:
+        """Board time of the next tick that `run` will run."""
+        return TICK_US * (self._rows + 1)
+
+    @property
+    def self_test_pin(self) -> bool:
+        """The accelerometer's self-test input is driven."""
+        return self.soc.gpio[SELF_TEST[0]].level(SELF_TEST[1])
+
+    @property
+    def reset_requested(self) -> bool:
+        """The chip is in reset until `reboot`."""
+        return self.soc.in_reset
+
+    def run(
+        self,
+        adc: NDArray[np.uint16],
+        encoder: NDArray[np.int32],
+        faults: NDArray[np.uint8] | None = None,
+    ) -> None:
+        """Runs one tick per row, to just before the next tick's first conversion.
+
+        adc: (n, 8, 2) codes; encoder: (n, 2) counts; faults: (n,) bits as in impid_board.h.
+        """
+        counts = np.asarray(encoder).astype(np.int64)
+        steps = np.diff(counts, axis=0, prepend=self._encoder[-1:]).astype(
+            np.int32
+        )  # wraps with the counters
+        self._encoder = self._encoder[-1] + np.vstack(
+            [np.zeros((1, 2), np.int64), np.cumsum(steps.astype(np.int64), axis=0)]
+        )
+        self._adc = np.asarray(adc)
+        self._first_row = self._rows
+        if faults is not None and np.any(faults):
+            for row, bits in enumerate(faults):
+                self._rows = self._first_row + row
+                self._inject(int(bits))
+                self._run_to_row(self._rows + 1)
+        self._run_to_row(self._first_row + len(counts))
+
+    def _row_end_s(self, row: int) -> float:
+        """When a row's last conversion, plus nearly one trigger period, is over."""
+        return self._first_trigger_s + row * TICK_S - 0.02 * TRIGGER_S
+
+    def _run_to_row(self, row: int) -> None:
+        self.soc.run_for(self._row_end_s(row) - self.soc.schedule.seconds())
+        self._rows = row
+
+    def _inject(self, bits: int) -> None:
+        soc = self.soc
+        soc.gpio[ENCODER_FAULT[0]].drive(ENCODER_FAULT[1], not bits & FAULT_ENCODER)
+        soc.thread_held = bool(bits & FAULT_STALLED)
+        if bits & FAULT_SYNC and soc.routed("TIM4_CH1"):
+            timer = soc.timers["TIM4"]
+            soc.schedule.after_seconds(TICK_S / 2, lambda: timer.edge(1, True))
+            soc.schedule.after_seconds(TICK_S / 2 + SYNC_PULSE_S, lambda: timer.edge(1, False))
+        if bits & FAULT_LATE:
+            soc.interrupts_held = True
+            soc.schedule.after_seconds(2.2 * TICK_S, self._release_interrupts)
+
+    def _release_interrupts(self) -> None:
+        self.soc.interrupts_held = False
+        self.soc.interrupts_changed()
+
+    def serial_receive(self, data: bytes, t_us: int) -> None:
+        """Bytes whose last one arrives at board time t_us, or as soon as the line can carry them."""
+        begin = self._first_trigger_s - TRIGGER_S + t_us * 1e-6 - len(data) * FRAME_BITS / SERIAL_BAUD
+        delay = begin - self.soc.schedule.seconds()
+        usart = self.soc.usart2
+        if delay > 0:
+            self.soc.schedule.after_seconds(delay, lambda: usart.receive(data, SERIAL_BAUD))
+        else:
+            usart.receive(data, SERIAL_BAUD)
+
+    def serial_take(self) -> bytes:
+        """Bytes that the board has sent since the last call."""
+        taken = bytes(self.soc.usart2.sent)
+        self.soc.usart2.sent.clear()
+        return taken
+
+    def can_receive(self, identifier: int, data: bytes, t_us: int) -> None:
+        """A classic frame that another node begins to send at board time t_us."""
+        delay = self._first_trigger_s - TRIGGER_S + t_us * 1e-6 - self.soc.schedule.seconds()
+        can = self.soc.can1
+        if delay > 0:
+            self.soc.schedule.after_seconds(delay, lambda: can.receive(identifier, data))
+        else:
+            can.receive(identifier, data)
+
+    def can_take(self) -> list[tuple[int, bytes]]:
+        """Identifier and data of the frames that the board has sent since the last call."""
+        taken: list[Frame] = list(self.soc.can1.sent)
+        self.soc.can1.sent.clear()
+        return [(frame.identifier, frame.data) for frame in taken]
+
+    def can_bus_off(self) -> None:
+        """Another node destroys the next transmissions until the controller leaves the bus."""
+        self.soc.can1.damaged_transmissions = BUS_OFF_ERRORS
+
+    def close(self) -> None:
+        """Nothing is held."""
