@@ -13,21 +13,17 @@ mkdir -p "$out/truth"
 
 say() { printf '\n\033[1m%s\033[0m\n' "$*"; }
 
-# The simulator is started by hand here, as one would plug in a board, because the demo also wants its truth,
-# in a folder that the host never reads. `impid-host record --sim` does both steps in one.
+# --truth is for this check alone: the simulator writes it to a folder that the host never reads.
+recordings=()
 for trial in "${trials[@]}"; do
   say "record $trial: 50 s of board time, $speed times faster"
-  impid-sim serve "$scenario" --trial "$trial" --seed "$seed" --speed "$speed" --link "$out/board" \
-    --robot-log "$out/$trial.robot.csv" --setup "$out/$trial.setup.toml" --truth "$out/truth/$trial.json" \
-    >"$out/$trial.sim.log" &
-  until [ -e "$out/board" ]; do sleep 0.05; done
-  impid-host record --port "$out/board" --duration 50 --out "$out/$trial.mcap"
-  wait
+  impid-host record --sim "$scenario:$trial" --seed "$seed" --speed "$speed" \
+    --out "$out/$trial.mcap" --truth "$out/truth/$trial.json"
+  recordings+=("$out/$trial.mcap")
 done
 
 say "export: recordings and torque logs become a study folder"
-recordings=("${trials[@]/#/$out/}")
-impid-host export "${recordings[@]/%/.mcap}" --out "$out/study"
+impid-host export "${recordings[@]}" --out "$out/study"
 
 say "sync: the board's clock against the robot's"
 impid-host sync "$out/study" --json "$out/sync.json"
