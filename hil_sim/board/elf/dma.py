@@ -7,7 +7,7 @@ stream priorities have no observable effect beyond the order of requests of one 
 from collections.abc import Callable
 from typing import TYPE_CHECKING, ClassVar
 
-from hil_sim.board.elf.errors import EmulatorError, UnmodelledAccess
+from hil_sim.board.elf.memory import MemoryRangeError
 from hil_sim.board.elf.registers import ALL, Peripheral, Register
 
 if TYPE_CHECKING:
@@ -38,6 +38,9 @@ class Stream:
         self.value = {"CR": 0, "NDTR": 0, "PAR": 0, "M0AR": 0, "M1AR": 0, "FCR": 0x21}
         self.flags = 0
         self._total = 0
+        self._size = 1
+        self._offset = 0
+        self._bank: Peripheral = controller
 
     @property
     def enabled(self) -> bool:
@@ -77,26 +80,23 @@ class Stream:
         if self.value["NDTR"] == 0:
             raise violation(f"stream {self.number} enabled with nothing to transfer", "9.5.6")
         self._total = self.value["NDTR"]
+        self._size = 1 << (cr >> 11 & 3)
+        self._bank, self._offset = self.controller.soc.peripheral(self.value["PAR"])
         self.controller.started(self)
 
     def transfer(self) -> None:
         """Moves one item."""
-        cr = self.value["CR"]
-        size = 1 << (cr >> 11 & 3)
+        cr, size = self.value["CR"], self._size
         memory = self.value["M1AR" if cr & DBM and cr & CT else "M0AR"]
         if cr & MINC:
             memory += (self._total - self.value["NDTR"]) * size
-        soc = self.controller.soc
+        ram = self.controller.soc.memory
         try:
             if cr >> 6 & 1:
-                soc.bus_write(
-                    self.value["PAR"], size, int.from_bytes(soc.memory.read_bytes(memory, size), "little")
-                )
+                self._bank.write(self._offset, size, int.from_bytes(ram.read_bytes(memory, size), "little"))
             else:
-                soc.memory.write_ram(memory, soc.bus_read(self.value["PAR"], size).to_bytes(size, "little"))
-        except UnmodelledAccess:
-            raise
-        except EmulatorError:
+                ram.write_ram(memory, self._bank.read(self._offset, size).to_bytes(size, "little"))
+        except MemoryRangeError:
             self.value["CR"] &= ~EN  # a bus error stops the stream (9.3.18)
             self.set_flags(TEIF)
             return

@@ -56,6 +56,11 @@ class Gpio(Peripheral):
             return bool(self.value["ODR"] >> pin & 1)
         return self._driven.get(pin, self.value["PUPDR"] >> 2 * pin & 3 == 1)
 
+    def write(self, offset: int, size: int, value: int) -> None:
+        """Any write may change what the pins are."""
+        super().write(offset, size, value)
+        self.soc.pins_changed()
+
     def read_idr(self) -> int:
         """Levels of the sixteen pins."""
         return sum(self.level(pin) << pin for pin in range(16) if self.mode(pin) != ANALOG)

@@ -50,6 +50,10 @@ class Iwdg(Peripheral):
         elif value not in (ACCESS, START):
             raise self.unmodelled("write", "KR", 0, value)
 
+    def reset_cycle(self) -> int | None:
+        """When it will reset the chip unless it is refreshed."""
+        return None if self._event is None else self._event.cycle
+
     def _reload(self) -> None:
         if self._event is not None:
             self._event.cancel()

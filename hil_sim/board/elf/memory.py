@@ -11,6 +11,10 @@ RAM_SIZE = 128 * 1024  # SRAM1 and SRAM2 are contiguous (RM0390 2.3.1)
 PAGE = 4096
 
 
+class MemoryRangeError(EmulatorError):
+    """An address is in no memory that the chip has."""
+
+
 def _aligned(size: int) -> tuple[ctypes.Array[ctypes.c_char], int]:
     """A buffer, and the offset of its first page boundary."""
     buffer = ctypes.create_string_buffer(size + PAGE)
@@ -33,27 +37,27 @@ class Memory:
         """Bytes of flash or RAM.
 
         Raises:
-            EmulatorError: the range lies in neither.
+            MemoryRangeError: the range lies in neither.
         """
         for base, view in ((RAM_BASE, self.ram), (FLASH_BASE, self.flash)):
             if base <= address and address + size <= base + len(view):
                 return bytes(view[address - base : address - base + size])
-        raise EmulatorError(f"no memory at 0x{address:08X}")
+        raise MemoryRangeError(f"no memory at 0x{address:08X}")
 
     def write_ram(self, address: int, data: bytes) -> None:
         """Bytes into RAM.
 
         Raises:
-            EmulatorError: the range is not in RAM.
+            MemoryRangeError: the range is not in RAM.
         """
         offset = address - RAM_BASE
         if offset < 0 or offset + len(data) > RAM_SIZE:
-            raise EmulatorError(f"no RAM at 0x{address:08X}")
+            raise MemoryRangeError(f"no RAM at 0x{address:08X}")
         self.ram[offset : offset + len(data)] = data
 
     def write_flash(self, address: int, data: bytes) -> None:
         """Puts bytes into the flash as a programmer would, without any rule."""
         offset = address - FLASH_BASE
         if offset < 0 or offset + len(data) > FLASH_SIZE:
-            raise EmulatorError(f"no flash at 0x{address:08X}")
+            raise MemoryRangeError(f"no flash at 0x{address:08X}")
         self.flash[offset : offset + len(data)] = data

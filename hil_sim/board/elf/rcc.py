@@ -103,6 +103,11 @@ class Rcc(Peripheral):
 
     # --- registers ----------------------------------------------------------------------------------
 
+    def write(self, offset: int, size: int, value: int) -> None:
+        """Any write may gate a clock."""
+        super().write(offset, size, value)
+        self.soc.gates_changed()
+
     def read_cr(self) -> int:
         """Ready bits follow their oscillator."""
         value = self.value["CR"] & ~(HSIRDY | HSERDY | PLLRDY)

@@ -76,6 +76,17 @@ class Schedule:
                 event.action()
         self.now = max(self.now, until)
 
+    def fire_while_quiet(self, until: int, pending: set[int]) -> int:
+        """As `fire`, but ends after the event that makes something pending. Returns the cycle reached."""
+        heap = self._heap
+        while not pending and heap and heap[0][0] <= until:
+            cycle, _, event = heapq.heappop(heap)
+            if event.action is not None:
+                self.now = cycle
+                event.action()
+        self.now = until if not pending else self.now
+        return self.now
+
     def seconds(self) -> float:
         """Time since power-on, in seconds."""
         return self._base_seconds + (self.now - self._base_cycle) / self.frequency

@@ -93,6 +93,8 @@ class Soc:
     def _build(self, reset_cause: str) -> None:
         """Every peripheral in its reset state, then the processor out of reset."""
         self.sleeping = False
+        self._clocked: set[Peripheral] = set()  # banks known to have a clock
+        self._routes: dict[str, bool] = {}  # signals known to have a pin, or none
         self._dma_resume: list[tuple[str, Callable[[], None]]] = []
         self.nvic = Nvic(SCS_BASE, self)
         self.scb = Scb("SCB", SCS_BASE, self)
@@ -140,29 +142,32 @@ class Soc:
         return bank
 
     def _check_clock(self, bank: Peripheral) -> None:
-        names = ("ADC1", "ADC2") if bank is self.adc else (bank.name,)
-        if any(name in GATES and self.rcc.gated(name) for name in names):
-            raise bank.violation("accessed while its clock is gated", "6.2")
+        if bank not in self._clocked:
+            names = ("ADC1", "ADC2") if bank is self.adc else (bank.name,)
+            if any(name in GATES and self.rcc.gated(name) for name in names):
+                raise bank.violation("accessed while its clock is gated", "6.2")
+            self._clocked.add(bank)
 
-    def bus_read(self, address: int, size: int) -> int:
-        """A read of a peripheral, by the processor or a DMA."""
+    def peripheral(self, address: int) -> tuple[Peripheral, int]:
+        """The bank at a bus address, and the offset in it.
+
+        Raises:
+            UnmodelledAccess: there is no model at this address.
+            RuleViolation: its clock is off.
+        """
         bank = self._bank(address)
         self._check_clock(bank)
-        return bank.read(address - bank.base, size)
-
-    def bus_write(self, address: int, size: int, value: int) -> None:
-        """A write to a peripheral, by the processor or a DMA."""
-        bank = self._bank(address)
-        self._check_clock(bank)
-        bank.write(address - bank.base, size, value)
+        return bank, address - bank.base
 
     def _cpu_read(self, address: int, size: int) -> int:
         self._catch_up()
-        return self.bus_read(address, size)
+        bank, offset = self.peripheral(address)
+        return bank.read(offset, size)
 
     def _cpu_write(self, address: int, size: int, value: int) -> None:
         self._catch_up()
-        self.bus_write(address, size, value)
+        bank, offset = self.peripheral(address)
+        bank.write(offset, size, value)
         head = self.schedule.next_cycle()
         if head is not None and head < self.clock.deadline:
             self.clock.deadline = head
@@ -191,7 +196,11 @@ class Soc:
 
     def routed(self, signal: str) -> bool:
         """A pin is switched to the signal."""
-        return any(self.gpio[port].alternate(pin) == function for port, pin, function in PINS[signal])
+        known = self._routes.get(signal)
+        if known is None:
+            known = any(self.gpio[port].alternate(pin) == function for port, pin, function in PINS[signal])
+            self._routes[signal] = known
+        return known
 
     def analog_input(self, channel: int) -> bool:
         """The channel's pin is in analogue mode."""
@@ -199,6 +208,14 @@ class Soc:
         return self.gpio[port].mode(pin) == ANALOG
 
     # --- changes that reach beyond a peripheral -----------------------------------------------------
+
+    def gates_changed(self) -> None:
+        """A clock was switched on or off."""
+        self._clocked.clear()
+
+    def pins_changed(self) -> None:
+        """A pin may have got another function."""
+        self._routes.clear()
 
     def interrupts_changed(self) -> None:
         """Looks at the pending interrupts before the next block."""
@@ -250,7 +267,10 @@ class Soc:
             if deadline <= clock.cycles:
                 continue
             if self.sleeping or (self.thread_held and not self.nvic.active):
-                clock.cycles = deadline
+                if self.nvic.pending or self._reset_cause is not None:
+                    clock.cycles = deadline
+                else:
+                    clock.cycles = self.schedule.fire_while_quiet(self._quiet_until(cycle), self.nvic.pending)
                 continue
             stop = self.cpu.run(deadline)
             self.flash.settle()
@@ -259,6 +279,11 @@ class Soc:
                 self._return()
             elif stop is Stop.SLEEP:
                 self.sleeping = not self._wakes()
+
+    def _quiet_until(self, cycle: int) -> int:
+        """How far a sleeping chip may be taken in one go: the watchdog's reset ends it."""
+        reset = self.iwdg.reset_cycle()
+        return cycle if reset is None else max(self.clock.cycles, min(cycle, reset))
 
     def run_for(self, seconds: float) -> None:
         """Runs the chip for a stretch of time; the processor's clock may change meanwhile."""
