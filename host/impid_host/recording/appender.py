@@ -2,6 +2,7 @@
 
 import contextlib
 import os
+import threading
 from pathlib import Path
 from typing import Self
 
@@ -21,6 +22,10 @@ class Appender:
         self._waiting = bytearray()
         self._written = 0
         self._failure: InputError | None = None
+        self._closing = False
+        self._sync_wanted = threading.Event()
+        self._syncer = threading.Thread(target=self._sync_on, name=f"sync {path.name}", daemon=True)
+        self._syncer.start()
 
     @classmethod
     def create(cls, path: Path) -> Self:
@@ -81,11 +86,20 @@ class Appender:
             raise self._failure from None
         self._written += done
 
-    def sync(self) -> None:
-        """Have the operating system bring it to the disk: a power cut no longer loses it."""
-        with contextlib.suppress(OSError):  # pipes and some network file systems cannot
-            os.fsync(self._descriptor)
+    def sync_soon(self) -> None:
+        """Have a thread bring it to the disk, where a power cut no longer loses it."""
+        self._sync_wanted.set()
 
     def close(self) -> None:
-        """Close the file; what was collected and not flushed is dropped."""
+        """Bring it to the disk and close it; what was collected and not flushed is dropped."""
+        self._closing = True
+        self._sync_wanted.set()
+        self._syncer.join()
         os.close(self._descriptor)
+
+    def _sync_on(self) -> None:
+        while not self._closing:
+            self._sync_wanted.wait()
+            self._sync_wanted.clear()
+            with contextlib.suppress(OSError):  # pipes and some network file systems cannot
+                os.fsync(self._descriptor)

@@ -2,28 +2,20 @@
 
 import base64
 import json
-import struct
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import zstandard
-from mcap.exceptions import McapError
-from mcap.records import Channel, Chunk, Footer, Header, McapRecord, Message, Metadata
-from mcap.stream_reader import CRCValidationError, StreamReader, breakup_chunk
+from mcap.records import Channel, McapRecord, Message, Metadata
 
 from impid_host.clock.device import ClockExchange
-from impid_host.errors import InputError
 from impid_host.recording import channels
 from impid_host.recording.ledger import RunLedger, balance
+from impid_host.recording.records import read_records
 from impid_host.wire.decoder import LinkCounts, SerialDecoder
 from impid_host.wire.messages import SAMPLE_PERIOD_US
 from impid_host.wire.records import BoardStatus, Loss, Response, Segment, join_segments
 
-# A chunk holds 100 ms, a few kB; anything far larger is damage and must not fill the memory.
-_LARGEST_RECORD_BYTES = 64 << 20
-_DAMAGE = (McapError, CRCValidationError, struct.error, UnicodeDecodeError, zstandard.ZstdError)
 _PIECE_BYTES = 1 << 20
 
 
@@ -83,7 +75,7 @@ def read_recording(path: Path) -> Recording:
         InputError: no such file, or not a recording of impid-host.
     """
     contents = _Contents(path)
-    for record in _records(path, contents.warnings):
+    for record in read_records(path, contents.warnings):
         contents.take(record)
     return contents.decode()
 
@@ -152,47 +144,3 @@ class _Contents:
             ledgers=balance(segments, losses, statuses, responses),
             warnings=tuple(self.warnings),
         )
-
-
-def _records(path: Path, warnings: list[str]) -> Iterator[McapRecord]:
-    """Records in order, chunks opened; damage ends the reading or skips a chunk, and is noted."""
-    not_ours = "give a file that `impid-host record` has written"
-    try:
-        size = path.stat().st_size
-        file = path.open("rb")
-    except OSError as error:
-        raise InputError(path, f"cannot be read ({error.strerror})", "check the name") from None
-    with file:
-        reader = StreamReader(file, emit_chunks=True, record_size_limit=_LARGEST_RECORD_BYTES).records
-        try:
-            header = next(reader)
-        except (*_DAMAGE, StopIteration, OSError):
-            raise InputError(path, "is not an MCAP file", not_ours) from None
-        if not isinstance(header, Header) or header.profile != channels.PROFILE:
-            raise InputError(path, "is an MCAP file, but not a recording of impid", not_ours)
-        whole, closed = file.tell(), False
-        while True:
-            try:
-                record = next(reader)
-            except StopIteration:
-                break
-            except (*_DAMAGE, OSError, MemoryError):
-                break
-            whole = file.tell()
-            closed = closed or isinstance(record, Footer)
-            if not isinstance(record, Chunk):
-                yield record
-                continue
-            try:
-                if record.uncompressed_size > _LARGEST_RECORD_BYTES:
-                    raise McapError(f"a chunk of {record.uncompressed_size} bytes")
-                inside = breakup_chunk(record, validate_crc=True)
-            except (*_DAMAGE, MemoryError):
-                inside = []
-                warnings.append(f"{path}: a chunk before byte {whole} is damaged and is skipped")
-            yield from inside
-        if not closed:
-            warnings.append(
-                f"{path}: was cut off (power cut, crash or full disk): up to 0.1 s before its end "
-                f"is missing, and {size - whole} of its {size} bytes are an incomplete record"
-            )

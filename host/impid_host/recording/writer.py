@@ -1,9 +1,8 @@
 """Writes a recording so that nothing older than 100 ms is ever only in memory.
 
 Every 100 ms the current MCAP chunk is finished and handed to the operating system: killing the program
-then costs at most the last 100 ms. Once a second the file is synced to the disk, which bounds what a
-power cut costs; more often would wear flash cards and stall slow disks for no gain on a killed program. The
-port is read by a thread of its own meanwhile.
+then costs at most the last 100 ms. Once a second a thread syncs the file to the disk, which bounds what a
+power cut costs; more often would wear flash cards for no gain on a killed program.
 """
 
 import base64
@@ -121,7 +120,7 @@ class RecordingWriter:
         if now - self._flushed_s >= FLUSH_PERIOD_S:
             self.flush()
         if now - self._synced_s >= SYNC_INTERVAL_S:
-            self._file.sync()
+            self._file.sync_soon()
             self._synced_s = time.monotonic()
 
     def flush(self) -> None:
@@ -143,7 +142,6 @@ class RecordingWriter:
             self._mcap.add_metadata(channels.METADATA_SUMMARY, dict(summary))
             self._mcap.finish()  # type: ignore[no-untyped-call]
             self._file.flush()
-            self._file.sync()
         finally:
             self._file.close()
 

@@ -3,6 +3,7 @@
 import base64
 import json
 import os
+import threading
 from pathlib import Path
 
 import numpy as np
@@ -189,3 +190,42 @@ def test_the_appender_writes_only_whole_flushes(tmp_path: Path) -> None:
     file.write(b"two")
     file.close()
     assert (tmp_path / "x").read_bytes() == b"one"
+
+
+def test_damaged_lengths_cost_their_chunk_and_no_other(whole: Path) -> None:
+    """The length of a chunk, then of an index record between chunks, becomes nonsense."""
+    with whole.open("rb") as file:
+        summary = make_reader(file).get_summary()
+    assert summary is not None
+    chunks, data = summary.chunk_indexes, whole.read_bytes()
+    full = sum(map(len, read_recording(whole).segments))
+    for number, length in ((3, 1 << 62), (len(chunks) // 2, 17), (len(chunks) - 3, 1 << 20)):
+        at = chunks[number].chunk_start_offset
+        damaged = bytearray(data)
+        damaged[at + 1 : at + 9] = length.to_bytes(8, "little")
+        whole.write_bytes(damaged)
+        recording = read_recording(whole)
+        assert "damaged and are skipped" in recording.warnings[0]
+        # The chunk, and at its edges the two batches of ten that began before it or ended behind it.
+        lost = full // len(chunks) + 20
+        assert full - lost <= sum(map(len, recording.segments)) < full
+        assert not any("was cut off" in warning for warning in recording.warnings)
+
+
+def test_a_disk_that_syncs_slowly_delays_nobody(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    entered = threading.Event()
+    release = threading.Event()
+
+    def slow(descriptor: int) -> None:
+        entered.set()
+        release.wait(10)
+
+    file = Appender.create(tmp_path / "x")
+    monkeypatch.setattr("impid_host.recording.appender.os.fsync", slow)
+    file.sync_soon()
+    assert entered.wait(5)
+    file.write(b"while the disk is busy")
+    file.flush()
+    assert (tmp_path / "x").read_bytes() == b"while the disk is busy"
+    release.set()
+    file.close()
