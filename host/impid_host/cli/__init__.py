@@ -13,6 +13,7 @@ COMMANDS = {
     "record": "Record the sensor board (or the simulator) into an MCAP file.",
     "sync": "Offset and drift between the board's clock and the robot's log.",
     "fit": "Identify the robot, then the load or arm, of a study.",
+    "diagnose": "Find what the model lacks in a study, and prove it on held-out data.",
     "import": "Turn foreign logs (CSV, Parquet, .mat) into a study folder.",
     "export": "Write a study folder from a recording.",
     "design": "Excitations for the robot: joint references, force perturbations.",
@@ -56,4 +57,10 @@ def main() -> None:
         cli(standalone_mode=True)
     except ImpidError as error:
         click.echo(f"impid-host: {error}", err=True)
+        sys.exit(1)
+    except OSError as error:
+        # A result that cannot be written (no such folder, no permission, no space) names its file itself.
+        if error.filename is None:
+            raise
+        click.echo(f"impid-host: {error.filename}: {error.strerror}; choose another place", err=True)
         sys.exit(1)
