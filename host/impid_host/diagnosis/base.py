@@ -1,0 +1,87 @@
+"""The papers' model as one linear regression over all trials: the robot's alpha shared, each load its own."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from impid_host.effects.view import Columns, View
+from impid_host.impedance.loads import LoadModel, load_model
+from impid_host.robot.model import RobotModel
+from impid_host.signals.arrays import Floats
+
+
+@dataclass(frozen=True, slots=True)
+class Base:
+    """Columns: alpha (p), then the parameters of each load in order."""
+
+    model: RobotModel
+    loads: tuple[tuple[str, LoadModel], ...]
+
+    @property
+    def size(self) -> int:
+        return len(self.model.parameter_names) + sum(len(load.columns) for _, load in self.loads)
+
+    def slot(self, name: str) -> slice:
+        """Columns of the named load."""
+        begin = len(self.model.parameter_names)
+        for other, load in self.loads:
+            if other == name:
+                return slice(begin, begin + len(load.columns))
+            begin += len(load.columns)
+        raise KeyError(name)
+
+    def columns(self, view: View) -> Columns:
+        """tau = Y alpha + J^T A lambda, and -F of a force sensor = A lambda: family -> (N, c, size)."""
+        Y = self.model.regressor(view.theta, view.omega, view.acc)
+        torque = np.zeros((*Y.shape[:2], self.size))
+        torque[:, :, : Y.shape[2]] = Y
+        result = {"torque": torque}
+        if view.load is not None:
+            A = dict(self.loads)[view.load].regressor(view.x, view.v, view.a)
+            torque[:, :, self.slot(view.load)] = np.einsum("kij,kiq->kjq", view.J, A)
+            if view.force is not None:
+                force = np.zeros((len(view.t), A.shape[1], self.size))
+                force[:, :, self.slot(view.load)] = A
+                result["force"] = force
+        return result
+
+    def informed(self, view: View, value: Floats) -> View:
+        """The view with the model's torque, equilibrium and response at `value` in it."""
+
+        def respond(other: View) -> Columns:
+            answer = {family: columns @ value for family, columns in self.columns(other).items()}
+            if other.predicted is not None:
+                answer["specific_force"] = other.predicted
+            return answer
+
+        x0, K = view.x0, view.K
+        if view.load is not None:
+            load = dict(self.loads)[view.load]
+            x0, K = equilibrium(load, value[self.slot(view.load)])
+        return replace(view, torque_model=self.columns(view)["torque"] @ value, x0=x0, K=K, respond=respond)
+
+
+def equilibrium(load: LoadModel, value: Floats) -> tuple[Floats, Floats]:
+    """x0 (2,) and K (2, 2) of a load's parameters."""
+    K = (load.matrix_map("x") @ value).reshape(2, 2)
+    place = [load.parameter_names.index("cx"), load.parameter_names.index("cy")]
+    return np.linalg.solve(K, value[place]), K
+
+
+def base_of(parts: Sequence[View], model: RobotModel) -> Base:
+    """The model of all trials of a study."""
+    kinds = {view.load: view.kind for view in parts if view.load is not None}
+    return Base(model, tuple((name, load_model(kind)) for name, kind in sorted(kinds.items())))
+
+
+def targets(view: View) -> Mapping[str, Floats]:
+    """What was measured, by family, (N, c): torque, specific force, robot's angle minus module's, -force."""
+    result = {"torque": view.tau}
+    if view.measured is not None and view.predicted is not None:
+        result["specific_force"] = view.measured - view.predicted
+    if view.theta_robot is not None:
+        result["angle"] = view.theta_robot - view.theta
+    if view.force is not None and view.load is not None:
+        result["force"] = -view.force
+    return result

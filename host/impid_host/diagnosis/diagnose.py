@@ -1,0 +1,254 @@
+"""A study's diagnosis, from raw signals to stages: prepare, choose, prove, say what is left."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy import stats
+
+from impid_host.diagnosis import proof
+from impid_host.diagnosis.base import Base, base_of
+from impid_host.diagnosis.choice import Table, choose, p_value, ranking, table_of
+from impid_host.diagnosis.evidence import gain, projected, solve, without
+from impid_host.diagnosis.holdout import Holdout, hold_out
+from impid_host.diagnosis.prepare import setting_of, views
+from impid_host.diagnosis.result import Chosen, Diagnosis, Finding, Number, Rival, Stage, as_array
+from impid_host.diagnosis.rows import Run, Slot, Taps, build_runs, slots_of
+from impid_host.diagnosis.whiten import noise_models, whitened
+from impid_host.effects.catalogue import CATALOGUE, candidates
+from impid_host.effects.view import View
+from impid_host.robot.model import robot_model
+from impid_host.study.model import Study
+
+Progress = Callable[[str, float], None]
+
+
+def _silent(_words: str, _share: float) -> None:
+    return
+
+
+@dataclass(frozen=True, slots=True)
+class Case:
+    """A study prepared for the choice.
+
+    Attributes:
+        views: with the present model in them; runs: raw rows; taps: noise models.
+    """
+
+    views: tuple[View, ...]
+    base: Base
+    holdout: Holdout
+    slots: tuple[Slot, ...]
+    runs: tuple[Run, ...]
+    taps: Taps
+    table: Table
+
+
+def diagnose(study: Study, progress: Progress = _silent) -> Diagnosis:
+    """Find what the papers' model lacks, add it, and judge it on data that took no part.
+
+    Raises:
+        UndeterminedError: the data do not determine the robot or a load, or there is nothing to diagnose.
+    """
+    case = prepare(study, progress)
+    progress("choosing", 0.7)
+    active = choose(case.table)
+    findings = _findings(case, active)
+    progress("judging on held-out data", 0.8)
+    stages = _stages(study, case, findings)
+    first, last = stages[0].rms, stages[-1].rms
+    before = sum(first[key] ** 2 for key in first)
+    notes = (
+        ()
+        if any(view.measured is not None for view in case.views)
+        else ("no accelerometer: accelerations come from the angles, and its faults cannot be seen",)
+    )
+    return Diagnosis(
+        study=study.name,
+        fit_trials=case.holdout.fit,
+        validation_trials=case.holdout.validation,
+        stages=stages,
+        floor=last,
+        share_unexplained=float(sum(last[key] ** 2 for key in last) / max(before, 1e-300)),
+        above_noise_floor=False,
+        notes=notes,
+    )
+
+
+def prepare(study: Study, progress: Progress = _silent) -> Case:
+    """Align, fit the papers' model, evaluate every candidate, whiten."""
+    model = robot_model(study.setup.robot)
+    progress("aligning", 0.0)
+    parts = views(study, model)
+    holdout, base = hold_out(parts), base_of(parts, model)
+    progress("fitting the papers' model", 0.2)
+    parts = informed(parts, base, holdout)
+    setting = setting_of(parts, model)
+    slots = slots_of(candidates(setting), base.size)
+    runs: list[Run] = []
+    for index, view in enumerate(parts):
+        progress(f"evaluating the catalogue on {view.name}", 0.25 + 0.4 * index / len(parts))
+        runs += build_runs(view, base, slots, holdout)
+    taps = noise_models(runs, saturated(base, slots), {})
+    plain, _ = without(whitened(runs, taps), base.size)
+    moved = [
+        replace(s, columns=slice(s.columns.start - base.size, s.columns.stop - base.size)) for s in slots
+    ]
+    return Case(tuple(parts), base, holdout, tuple(slots), tuple(runs), taps, table_of(plain, moved))
+
+
+def informed(parts: Sequence[View], base: Base, holdout: Holdout) -> list[View]:
+    """The views with the papers' model, fitted by plain least squares, in them."""
+    runs = [run for view in parts for run in build_runs(view, base, [], holdout)]
+    scale = {
+        key: 1 / (1e-12 + np.sqrt(np.mean(np.concatenate([r.target for r in runs if r.key == key]) ** 2)))
+        for key in {run.key for run in runs}
+        if key[0] in ("torque", "force")
+    }
+    weighed = [
+        replace(run, target=run.target * scale[run.key], design=run.design * scale[run.key])
+        for run in runs
+        if run.key in scale
+    ]
+    fit = [run for run in weighed if run.part == "fit"]
+    design = np.concatenate([run.design for run in fit])
+    size = np.linalg.norm(design, axis=0) + 1e-300
+    target = np.concatenate([run.target for run in fit])
+    value = np.linalg.lstsq(design / size, target, rcond=1e-10)[0] / size
+    return [base.informed(view, value) for view in parts]
+
+
+def saturated(base: Base, slots: Sequence[Slot]) -> list[int]:
+    """Columns of the base, and of every candidate at every few shapes: what leaves nothing but noise."""
+    columns = list(range(base.size))
+    for slot in slots:
+        shapes = slot.candidate.shapes
+        if slot.shape in shapes[:: max(1, len(shapes) // 4)]:
+            columns += range(slot.columns.start, slot.columns.stop)
+    return columns
+
+
+def _findings(case: Case, active: Sequence[int]) -> list[Finding]:
+    table = case.table
+    beta, rss = solve(table.G, table.columns(active))
+    columns = np.array(table.columns(active), dtype=int) + 1
+    covariance = np.linalg.pinv(table.G[np.ix_(columns, columns)]) * rss / max(table.rows - len(columns), 1)
+    findings: list[Finding] = []
+    first = 0
+    for order, s in enumerate(active):
+        slot = table.slots[s]
+        size = slot.candidate.size
+        own = slice(first, first + size)
+        chosen = Chosen(slot.candidate, slot.shape, beta[own], covariance[own, own])
+        share, rival = _share(table, active, order)
+        findings.append(
+            Finding(
+                effect=slot.candidate.effect,
+                where=slot.candidate.where,
+                parts=(chosen,),
+                parameters=parameters_of(chosen),
+                share_of_residual=share,
+                p_value=p_value(table, [a for a in active if a != s], s),
+                runner_up=rival,
+            )
+        )
+        first += size
+    return merged(findings)
+
+
+def _share(table: Table, active: Sequence[int], order: int) -> tuple[float, Rival | None]:
+    before = list(active[:order])
+    s = active[order]
+    P = projected(table.G, table.columns(before))
+    excess = max(P[0, 0] - table.rows, 1.0)
+    drop = gain(P, table.G, table.slots[s].columns)
+    own = table.slots[s].candidate
+    rival = next(
+        (
+            (score, other)
+            for score, other in ranking(table, before)
+            if (table.slots[other].candidate.effect, table.slots[other].candidate.where)
+            != (own.effect, own.where)
+        ),
+        None,
+    )
+    share = float(np.clip(drop / max(excess, drop), 0, 1))
+    if rival is None:
+        return share, None
+    other = table.slots[rival[1]]
+    theirs = gain(P, table.G, other.columns)
+    margin = float((drop - theirs) / max(excess, drop))
+    return share, Rival(other.candidate.effect, other.candidate.where, margin)
+
+
+def parameters_of(chosen: Chosen) -> dict[str, Number]:
+    """Reported parameters with intervals by linear propagation."""
+    effect = CATALOGUE[chosen.candidate.effect]
+    value = chosen.candidate.read(chosen.beta, chosen.shape)
+    sd = np.sqrt(np.maximum(np.diag(chosen.covariance), 0))
+    result = {}
+    for name, own in value.items():
+        center = as_array(own)
+        variance = np.zeros_like(center)
+        slopes = []
+        for k in range(len(chosen.beta)):
+            step = np.zeros_like(chosen.beta)
+            step[k] = max(1e-3 * sd[k], 1e-9 * abs(chosen.beta[k]), 1e-15)
+            slopes.append(
+                (as_array(chosen.candidate.read(chosen.beta + step, chosen.shape)[name]) - center) / step[k]
+            )
+        for i in range(len(slopes)):
+            for j in range(len(slopes)):
+                variance = variance + slopes[i] * slopes[j] * chosen.covariance[i, j]
+        half = stats.norm.ppf(0.975) * np.sqrt(np.maximum(variance, 0))
+        result[name] = Number(center, np.stack([center - half, center + half], axis=-1), effect.unit(name))
+    return result
+
+
+def merged(findings: Sequence[Finding]) -> list[Finding]:
+    """One entry for an effect found on several joints or axes, with a value for each."""
+    result: list[Finding] = []
+    for finding in findings:
+        place = next((k for k, other in enumerate(result) if other.effect == finding.effect), None)
+        if place is None or not _mergeable(result[place], finding):
+            result.append(finding)
+            continue
+        parts = sorted((*result[place].parts, *finding.parts), key=lambda part: part.candidate.where)
+        values = [parameters_of(part) for part in parts]
+        result[place] = replace(
+            result[place],
+            where=tuple(name for part in parts for name in part.candidate.where),
+            parts=tuple(parts),
+            parameters={
+                name: Number(
+                    np.stack([v[name].value for v in values]),
+                    np.stack([v[name].ci95 for v in values]),
+                    values[0][name].unit,
+                )
+                for name in values[0]
+            },
+            share_of_residual=min(1.0, result[place].share_of_residual + finding.share_of_residual),
+            p_value=max(result[place].p_value, finding.p_value),
+        )
+    return result
+
+
+def _mergeable(one: Finding, other: Finding) -> bool:
+    return not set(one.where) & set(other.where) and set(one.parameters) == set(other.parameters)
+
+
+def _stages(study: Study, case: Case, findings: Sequence[Finding]) -> tuple[Stage, ...]:
+    stages = []
+    for count in range(len(findings) + 1):
+        chosen = [part for finding in findings[:count] for part in finding.parts]
+        alpha, loads, rms, vaf = proof.report(
+            case.views,
+            chosen,
+            case.base,
+            case.holdout,
+            handle_mass_kg=study.setup.handle_mass_kg,
+            prior=study.setup.prior_alpha,
+        )
+        added = findings[count - 1] if count else None
+        stages.append(Stage(added, rms, vaf, alpha, case.base.model.parameter_names, loads))
+    return tuple(stages)

@@ -1,0 +1,45 @@
+"""What is set aside before anything is looked at: whole trials where there are enough, else their last thirds."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from impid_host.effects.view import View
+from impid_host.signals.arrays import Mask
+
+_PAUSE_S = 1.0
+_ENOUGH = 3  # trials of one kind and load, before one of them can be spared
+
+
+@dataclass(frozen=True, slots=True)
+class Holdout:
+    """Names of trials used for fitting and for validation; a name in both is split in time at two thirds."""
+
+    fit: tuple[str, ...]
+    validation: tuple[str, ...]
+
+    def mask(self, view: View, part: str) -> Mask:
+        """Instants of the `fit` or the `validation` part, (N,)."""
+        inside = view.valid & (view.name in (self.fit if part == "fit" else self.validation))
+        if view.name in self.fit and view.name in self.validation:
+            cut = 2 * view.t[-1] / 3
+            inside = inside & (view.t < cut - _PAUSE_S if part == "fit" else view.t >= cut)
+        return np.asarray(inside)
+
+
+def hold_out(parts: Sequence[View]) -> Holdout:
+    """Of three or more trials of one load (or free) the last; of fewer, the last third of each."""
+    groups: dict[str | None, list[str]] = {}
+    for view in parts:
+        groups.setdefault(view.load, []).append(view.name)
+    fit: list[str] = []
+    validation: list[str] = []
+    for names in groups.values():
+        if len(names) >= _ENOUGH:
+            fit += names[:-1]
+            validation += names[-1:]
+        else:
+            fit += names
+            validation += names
+    return Holdout(tuple(sorted(fit)), tuple(sorted(validation)))

@@ -1,0 +1,153 @@
+"""From a study to views: every trial on one clock at a modest rate, raw signals filtered widely and alike."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from impid_host.effects.effect import Setting
+from impid_host.effects.view import View, rate_of, rotated
+from impid_host.errors import UndeterminedError
+from impid_host.robot.model import RobotModel
+from impid_host.signals.align import device_angles, match_trial, robot_rows
+from impid_host.signals.arrays import Floats, Mask
+from impid_host.signals.counts import longest_run, specific_force, usable_samples
+from impid_host.signals.filters import ZeroPhaseLowPass
+from impid_host.signals.resample import bridged, common_grid, nominal_rate, onto_grid
+from impid_host.study.model import Setup, Study, Trial
+
+VIEW_RATE_HZ = 250.0
+_WIDE = ZeroPhaseLowPass(order=4, cutoff_hz=60.0)
+
+Signals = dict[str, Floats | None]
+
+
+def views(study: Study, model: RobotModel) -> list[View]:
+    """The study's free and loaded trials as views, the present model not yet in them.
+
+    Raises:
+        UndeterminedError: no such trial, or clocks that cannot be matched.
+    """
+    trials = study.of_kind("free", "mass-spring", "arm")
+    if not trials:
+        raise UndeterminedError(
+            f"study {study.name}: no free, mass-spring or arm trial, so there is nothing to diagnose"
+        )
+    return [view_of(trial, study.setup, model) for trial in trials]
+
+
+def view_of(trial: Trial, setup: Setup, model: RobotModel) -> View:
+    """One trial.
+
+    Raises:
+        UndeterminedError: its clocks cannot be matched, or less than 2 s are left.
+    """
+    signals, valid, rate = _on_grid(trial, setup)
+    step = max(1, round(rate / VIEW_RATE_HZ))
+    wide = {name: _widely(values, rate) for name, values in signals.items() if values is not None}
+    theta = wide["theta"]
+    omega, acc = rate_of(theta, 1 / rate), rate_of(rate_of(theta, 1 / rate), 1 / rate)
+    some = slice(None, None, step)
+    theta, omega, acc = theta[some], omega[some], acc[some]
+    J = model.jacobian(theta)
+    v = np.einsum("kij,kj->ki", J, omega)
+    a = np.einsum("kij,kj->ki", J, acc) + np.einsum("kij,kj->ki", model.jacobian_rate(theta, omega), omega)
+    count = len(theta)
+    measured, angle = None, None
+    turn = np.zeros(count)
+    turn_rate = np.zeros(count)
+    if "measured" in wide and setup.accelerometer is not None and model.joints == 2:
+        measured = wide["measured"][some]
+        angle = np.full(count, setup.accelerometer.mount_angle_rad)
+        if setup.accelerometer.mount == "link2":
+            angle = angle + theta[:, 1]
+            turn, turn_rate = omega[:, 1], acc[:, 1]
+    robot = wide["theta_robot"][some] if "theta_robot" in wide else None
+    axes = len(model.task_axes)
+    return View(
+        name=trial.name,
+        kind=trial.kind,
+        load=None if trial.kind == "free" else trial.load,
+        t=np.arange(count) * (step / rate),
+        dt=step / rate,
+        theta=theta,
+        omega=omega,
+        acc=acc,
+        tau=wide["tau"][some],
+        x=model.position(theta),
+        v=v,
+        a=a,
+        J=J,
+        sensor_angle=angle,
+        measured=measured,
+        predicted=None if angle is None else rotated(a, -angle),
+        turn=turn,
+        turn_rate=turn_rate,
+        theta_robot=robot,
+        force=wide["force"][some] if "force" in wide else None,
+        torque_model=np.zeros_like(theta),
+        x0=np.zeros(axes),
+        K=np.zeros((axes, axes)),
+        valid=valid[some],
+        model=model,
+    )
+
+
+def setting_of(parts: Sequence[View], model: RobotModel) -> Setting:
+    """What of the apparatus and the motion decides which candidates make sense."""
+    theta = np.concatenate([view.theta[view.valid] for view in parts])
+    omega = np.concatenate([np.abs(view.omega[view.valid]) for view in parts])
+    reach = max((float(np.ptp(view.x[view.valid], axis=0).max()) for view in parts if view.load), default=0.0)
+    planar = len(model.task_axes) == 2
+    return Setting(
+        joints=model.joints,
+        prismatic=model.name == "slide-1d",
+        planar=planar,
+        span=np.maximum(np.ptp(theta, axis=0), 1e-6),
+        speed=np.maximum(np.percentile(omega, 95, axis=0), 1e-6),
+        reach=reach,
+        springs=tuple(sorted({view.load for view in parts if view.load and view.kind == "mass-spring"})),
+        arms=tuple(sorted({view.load for view in parts if view.load and view.kind == "arm"})),
+        accelerometer=any(view.measured is not None for view in parts),
+        second_clock=any(view.theta_robot is not None for view in parts),
+        force_sensor=any(view.force is not None and view.load for view in parts),
+        duration_s=max(float(view.t[-1]) for view in parts),
+    )
+
+
+def _widely(values: Floats, rate_hz: float) -> Floats:
+    return values if rate_hz < 4 * _WIDE.cutoff_hz else _WIDE.apply(values, rate_hz)
+
+
+def _on_grid(trial: Trial, setup: Setup) -> tuple[Signals, Mask, float]:
+    log = robot_rows(trial.robot)
+    every = np.ones(len(log), dtype=bool)
+    if trial.device is None:
+        rate = nominal_rate(log.t)
+        grid = common_grid(log.t[0], log.t[-1], rate)
+        signals: Signals = {
+            "theta": onto_grid(log.t, log.theta, every, grid),
+            "tau": onto_grid(log.t, log.tau, every, grid),
+            "force": None if log.force is None else onto_grid(log.t, log.force, every, grid),
+        }
+        return signals, bridged(log.t, every, grid), rate
+    clock = match_trial(trial, setup)
+    t_device, theta_device = device_angles(trial.device, setup)
+    t_robot = clock.to_device(log.t)
+    rate = nominal_rate(t_device)
+    grid = common_grid(max(t_device[0], t_robot[0]), min(t_device[-1], t_robot[-1]), rate)
+    usable = np.ones(len(t_device), dtype=bool)
+    joints = theta_device.shape[1]
+    signals = {
+        "theta": onto_grid(t_device, theta_device, usable, grid),
+        "tau": onto_grid(t_robot, log.tau, every, grid),
+        "theta_robot": onto_grid(t_robot, log.theta[:, :joints], every, grid),
+        "force": None if log.force is None else onto_grid(t_robot, log.force, every, grid),
+        "measured": None,
+    }
+    if setup.accelerometer is not None:
+        part = longest_run(trial.device)
+        names = ("t_us", "seq", "ax", "ay", "enc1", "enc2", "flags")
+        run = type(trial.device)(**{name: getattr(trial.device, name)[part] for name in names})
+        felt = specific_force(run, setup.accelerometer)[usable_samples(run)]
+        signals["measured"] = onto_grid(t_device, felt, usable, grid)
+    return signals, bridged(t_device, usable, grid) & bridged(t_robot, every, grid), rate

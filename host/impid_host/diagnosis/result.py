@@ -1,0 +1,128 @@
+"""What a diagnosis says, before it is printed, drawn or written."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from impid_host.effects.effect import Candidate, Value
+from impid_host.signals.arrays import Floats
+
+
+@dataclass(frozen=True, slots=True)
+class Number:
+    """A value of any shape with its 95 % interval (one more axis, low and high), and its unit."""
+
+    value: Floats
+    ci95: Floats
+    unit: str
+
+
+@dataclass(frozen=True, slots=True)
+class Chosen:
+    """An effect in the model.
+
+    Attributes:
+        beta: (q,); covariance: (q, q); shape: the non-linear parameter.
+    """
+
+    candidate: Candidate
+    shape: float
+    beta: Floats
+    covariance: Floats
+
+
+@dataclass(frozen=True, slots=True)
+class Rival:
+    """The candidate that came second, and how much less of the residual it explains."""
+
+    effect: str
+    where: tuple[str, ...]
+    margin: float
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """An effect that was added, maybe on two joints at once.
+
+    Attributes:
+        parameters: reported name -> number.
+        share_of_residual: part of the whitened residual before it that it explains (beyond the noise), 0..1.
+        p_value: prewhitened F-test, times the number of candidates tried.
+    """
+
+    effect: str
+    where: tuple[str, ...]
+    parts: tuple[Chosen, ...]
+    parameters: Mapping[str, Number]
+    share_of_residual: float
+    p_value: float
+    runner_up: Rival | None
+
+
+@dataclass(frozen=True, slots=True)
+class Stage:
+    """The model with everything found so far, judged on data that took no part.
+
+    Attributes:
+        rms, vaf: by channel, N m, N and %.
+        alpha: the robot; loads: by load, M, B, K, x0.
+    """
+
+    added: Finding | None
+    rms: Mapping[str, float]
+    vaf: Mapping[str, float]
+    alpha: Number
+    alpha_names: tuple[str, ...]
+    loads: Mapping[str, Mapping[str, Number]]
+
+
+@dataclass(frozen=True, slots=True)
+class Structure:
+    """What is left and depends on something, without a known cause.
+
+    Attributes:
+        share: of the channel's residual variance; curve: (k, 2), the variable and the residual;
+        band: (k, 2), its 95 % limits.
+    """
+
+    variable: str
+    on: str
+    share: float
+    curve: Floats
+    band: Floats
+    words: str
+
+
+@dataclass(frozen=True, slots=True)
+class Tie:
+    """Effects that these data cannot tell apart, and what trial could."""
+
+    candidates: tuple[str, ...]
+    tell_apart_by: str
+
+
+@dataclass(frozen=True, slots=True)
+class Diagnosis:
+    """The whole answer.
+
+    Attributes:
+        floor: by channel, what noise alone leaves in the residual.
+        notes: what a reader must know: no accelerometer, trials left out.
+    """
+
+    study: str
+    fit_trials: tuple[str, ...]
+    validation_trials: tuple[str, ...]
+    stages: tuple[Stage, ...]
+    floor: Mapping[str, float]
+    share_unexplained: float
+    above_noise_floor: bool
+    structure: tuple[Structure, ...] = ()
+    ambiguous: tuple[Tie, ...] = ()
+    notes: tuple[str, ...] = field(default=())
+
+
+def as_array(value: Value) -> Floats:
+    """A reported value as an array."""
+    return np.asarray(value, dtype=np.float64)

@@ -1,0 +1,173 @@
+"""How the angles and the clocks err. They enter every equation, so their columns are sensitivities."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from impid_host.effects.effect import (
+    Candidate,
+    Effect,
+    Parameter,
+    Setting,
+    Value,
+    amplitude_phase,
+    joint_name,
+)
+from impid_host.effects.view import Columns, View, rate_of, with_motion
+from impid_host.signals.arrays import Floats
+
+_STEP_RAD = 1e-4
+
+
+def shifted(view: View, joint: int, error: Floats, slope: Floats, bend: Floats) -> View:
+    """The trial with an angle error taken off: error(theta), its first and second derivative in theta."""
+    theta, omega, acc = view.theta.copy(), view.omega.copy(), view.acc.copy()
+    theta[:, joint] -= error
+    omega[:, joint] -= slope * view.omega[:, joint]
+    acc[:, joint] -= slope * view.acc[:, joint] + bend * view.omega[:, joint] ** 2
+    return with_motion(view, theta, omega, acc)
+
+
+def _sensitivity(view: View, *moved: View) -> Columns:
+    """Change of the prediction per rad of error."""
+    if view.respond is None:
+        return {}
+    base = view.respond(view)
+    answers = [view.respond(other) for other in moved]
+    return {
+        family: np.stack([(answer[family] - base[family]) / _STEP_RAD for answer in answers], axis=2)
+        for family in base
+    }
+
+
+def _zero(setting: Setting) -> Iterator[Candidate]:
+    if setting.prismatic:
+        return
+    for joint in range(setting.joints):
+
+        def columns(view: View, _shape: float, joint: int = joint) -> Columns:
+            flat = np.zeros_like(view.t)
+            return _sensitivity(view, shifted(view, joint, flat + _STEP_RAD, flat, flat))
+
+        # What the encoder says at the true zero is `zero_rad` too much.
+        yield Candidate(
+            "encoder.zero",
+            (joint_name(joint),),
+            columns,
+            lambda beta, _shape: {"zero_rad": float(beta[0])},
+            gate=lambda beta, _shape: bool(abs(beta[0]) < 0.5),
+            undo=lambda view, beta, joint=joint: _unzeroed(view, joint, float(beta[0])),  # type: ignore[misc]
+        )
+
+
+def _eccentricity(setting: Setting) -> Iterator[Candidate]:
+    if setting.prismatic:
+        return
+    for joint in range(setting.joints):
+
+        def columns(view: View, _shape: float, joint: int = joint) -> Columns:
+            c = _STEP_RAD * np.cos(view.theta[:, joint])
+            s = _STEP_RAD * np.sin(view.theta[:, joint])
+            return _sensitivity(view, shifted(view, joint, c, -s, -c), shifted(view, joint, s, c, -s))
+
+        yield Candidate(
+            "encoder.eccentricity",
+            (joint_name(joint),),
+            columns,
+            _read_eccentricity,
+            size=2,
+            gate=lambda beta, _shape: bool(np.hypot(*beta) < 0.2),
+            undo=lambda view, beta, joint=joint: _centred(view, joint, beta),  # type: ignore[misc]
+        )
+
+
+def _unzeroed(view: View, joint: int, zero: float) -> View:
+    flat = np.zeros_like(view.t)
+    return shifted(view, joint, flat + zero, flat, flat)
+
+
+def _centred(view: View, joint: int, beta: Floats) -> View:
+    c, s = np.cos(view.theta[:, joint]), np.sin(view.theta[:, joint])
+    error = beta[0] * c + beta[1] * s
+    return shifted(view, joint, error, beta[1] * c - beta[0] * s, -error)
+
+
+def _read_eccentricity(beta: Floats, _shape: float) -> dict[str, float]:
+    amplitude, phase = amplitude_phase(beta[0], beta[1])
+    return {"amplitude_rad": amplitude, "phase_rad": phase}
+
+
+def lateness(view: View, degree: int) -> Floats:
+    """A time error of the given Legendre degree over the trial, 1 s at its end, (N,).
+
+    The linear part is taken out as the match of the clocks has taken it out: weighted by the squared speed.
+    """
+    u = 2 * view.t / view.t[-1] - 1
+    shape = np.polynomial.legendre.Legendre.basis(degree)(u)
+    weight = np.sum(view.omega**2, axis=1)
+    design = np.stack([np.ones_like(u), u], axis=1)
+    normal = design.T @ (weight[:, None] * design)
+    line: Floats = np.linalg.solve(normal, design.T @ (weight * shape))
+    result: Floats = shape - design @ line
+    return result
+
+
+def _drift(setting: Setting) -> Iterator[Candidate]:
+    if not setting.second_clock:
+        return
+    for degrees in ((2,), (2, 3), (2, 3, 4, 5)):
+
+        def columns(view: View, _shape: float, degrees: tuple[int, ...] = degrees) -> Columns:
+            if view.theta_robot is None:
+                return {}
+            slope = rate_of(view.torque_model, view.dt)
+            late = [lateness(view, degree)[:, None] for degree in degrees]
+            result = {
+                "angle": np.stack([view.omega * e for e in late], axis=2),
+                "torque": np.stack([slope * e for e in late], axis=2),
+            }
+            if view.load is not None and view.force is not None and view.respond is not None:
+                pull = rate_of(view.respond(view)["force"], view.dt)
+                result["force"] = np.stack([pull * e for e in late], axis=2)
+            return result
+
+        def read(beta: Floats, _shape: float) -> dict[str, Value]:
+            return {"seconds": [float(b) for b in beta] if len(beta) > 1 else float(beta[0])}
+
+        yield Candidate(
+            "clock.drift",
+            ("sensor",),
+            columns,
+            read,
+            size=len(degrees),
+            gate=lambda beta, _shape: bool(max(abs(beta)) < 0.2),
+            variant=f"degree {degrees[-1]}",
+        )
+
+
+EFFECTS = (
+    Effect(
+        "encoder.eccentricity",
+        "reading = theta + amplitude_rad sin(theta + phase_rad)",
+        "sensor",
+        (Parameter("amplitude_rad", "rad", 0, 0.2), Parameter("phase_rad", "rad")),
+        "Hagiwara et al., IEEE Trans. Instrum. Meas. 41 (1992)",
+        _eccentricity,
+    ),
+    Effect(
+        "encoder.zero",
+        "reading = theta + zero_rad",
+        "sensor",
+        (Parameter("zero_rad", "rad", -0.5, 0.5),),
+        "study format, Conventions",
+        _zero,
+    ),
+    Effect(
+        "clock.drift",
+        "the robot's rows are late by seconds * P_k(time), k = 2 and up: Legendre polynomials over the trial",
+        "clock",
+        (Parameter("seconds", "s"),),
+        "study format, Conventions",
+        _drift,
+    ),
+)

@@ -1,0 +1,132 @@
+"""What an effect may look at: one trial's motion, torques and forces, and what the model predicts there."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from impid_host.robot.model import RobotModel
+from impid_host.signals.arrays import Floats, Mask
+
+TORQUE, SPECIFIC_FORCE, ANGLE, FORCE = "torque", "specific_force", "angle", "force"
+FAMILIES = (TORQUE, SPECIFIC_FORCE, ANGLE, FORCE)
+
+Columns = dict[str, Floats]
+"""Residual family -> what one unit of each parameter adds to the measurement, (N, channels, parameters)."""
+
+
+@dataclass(frozen=True, slots=True)
+class View:
+    """One trial on a uniform grid of N instants; n joints, d task axes. SI units.
+
+    Accelerations come from the encoders: in the estimation band they are quieter than the accelerometer, and
+    with them a fault of the accelerometer shows in the specific force alone.
+
+    Attributes:
+        load: name of the load on the end-effector; None in free motion.
+        kind: of the trial.
+        t: s since the trial's first instant, (N,); dt: its step.
+        theta, omega, acc: joint angle and its derivatives, (N, n).
+        tau: logged joint torque, (N, n).
+        x, v, a: end-effector position, velocity, acceleration in the base frame, (N, d).
+        J: (N, d, n).
+        sensor_angle: of the accelerometer's first axis against x, rad, (N,); None without one.
+        measured: specific force along the sensor's axes, (N, 2); predicted: what the encoders say; or None.
+        turn, turn_rate: speed and acceleration of the sensor's rotation, (N,).
+        theta_robot: the controller's reading, (N, n); None without a second clock.
+        force: physical sensor, load on the robot, N, (N, 2); None without one.
+        torque_model: the present model's torque, (N, n); x0: the load's equilibrium by it, (d,);
+            K: its stiffness, (d, d).
+        valid: instants that may be used, (N,).
+        model: the robot's kinematics; respond: what the present model predicts of every family, (N, channels),
+            were the motion that of the given view.
+    """
+
+    name: str
+    kind: str
+    load: str | None
+    t: Floats
+    dt: float
+    theta: Floats
+    omega: Floats
+    acc: Floats
+    tau: Floats
+    x: Floats
+    v: Floats
+    a: Floats
+    J: Floats
+    sensor_angle: Floats | None
+    measured: Floats | None
+    predicted: Floats | None
+    turn: Floats
+    turn_rate: Floats
+    theta_robot: Floats | None
+    force: Floats | None
+    torque_model: Floats
+    x0: Floats
+    K: Floats
+    valid: Mask
+    model: RobotModel
+    respond: "Callable[[View], Columns] | None" = None
+
+    @property
+    def joints(self) -> int:
+        return self.theta.shape[1]
+
+    @property
+    def rate_hz(self) -> float:
+        return 1.0 / self.dt
+
+    def along_axes(self, vector: Floats) -> Floats:
+        """A vector in the base frame (N, 2) along the sensor's axes, (N, 2)."""
+        assert self.sensor_angle is not None
+        return rotated(vector, -self.sensor_angle)
+
+
+def rotated(vector: Floats, angle: Floats) -> Floats:
+    """(N, 2) turned counter-clockwise by (N,)."""
+    c, s = np.cos(angle), np.sin(angle)
+    return np.stack([c * vector[:, 0] - s * vector[:, 1], s * vector[:, 0] + c * vector[:, 1]], axis=1)
+
+
+def rate_of(values: Floats, dt: float) -> Floats:
+    """Fourth-order central difference along axis 0."""
+    slope: Floats = np.gradient(values, dt, axis=0)
+    slope[2:-2] = (values[:-4] - 8 * values[1:-3] + 8 * values[3:-1] - values[4:]) / (12 * dt)
+    return slope
+
+
+def with_motion(view: View, theta: Floats, omega: Floats, acc: Floats) -> View:
+    """The same trial had the joints moved otherwise than the encoders say."""
+    model = view.model
+    J = model.jacobian(theta)
+    v = np.einsum("kij,kj->ki", J, omega)
+    a = np.einsum("kij,kj->ki", J, acc) + np.einsum("kij,kj->ki", model.jacobian_rate(theta, omega), omega)
+    angle, predicted = view.sensor_angle, view.predicted
+    turn, turn_rate = view.turn, view.turn_rate
+    if angle is not None and np.any(view.turn != 0):
+        angle = angle + theta[:, 1] - view.theta[:, 1]
+        turn, turn_rate = omega[:, 1], acc[:, 1]
+    if angle is not None:
+        predicted = rotated(a, -angle)
+    return replace(
+        view,
+        theta=theta,
+        omega=omega,
+        acc=acc,
+        x=model.position(theta),
+        v=v,
+        a=a,
+        J=J,
+        sensor_angle=angle,
+        predicted=predicted,
+        turn=turn,
+        turn_rate=turn_rate,
+    )
+
+
+def advanced(values: Floats, t: Floats, delay_s: float) -> Floats:
+    """Values (N, k) that came `delay_s` late, put back to their instants (N,)."""
+    result: Floats = CubicSpline(t, values, axis=0)(np.clip(t + delay_s, t[0], t[-1]))
+    return result
