@@ -11,15 +11,27 @@ from pathlib import Path
 from cffi import FFI
 
 # The build runs in the root of the source tree, where setup.py is.
-INCLUDE_DIRS = ["firmware/core", "firmware/generated", "firmware/boards/native", "hil_sim/plant"]
-HEADERS = ["firmware/boards/native/impid_board.h", "hil_sim/plant/plant.h"]
+INCLUDE_DIRS = [
+    "firmware/core",
+    "firmware/generated",
+    "firmware/boards/native",
+    "hil_sim/plant",
+    "hil_sim/effects",
+]
+HEADERS = [
+    "firmware/boards/native/impid_board.h",
+    "hil_sim/effects/effects.h",
+    "hil_sim/plant/plant.h",
+]
 # -O3 unrolls the stages of the integration: a third faster than -O2 (bench/plant_speed.py).
 FLAGS = [] if sys.platform == "win32" else ["-O3", "-std=c11", "-Wall", "-Wextra", "-Wconversion"]
 
 
 def declarations(header: str) -> str:
-    """The declarations of a header as cffi reads them: without preprocessor lines and comments."""
+    """The declarations of a header as cffi reads them: without comments and preprocessor, with its numbers."""
     text = re.sub(r"/\*.*?\*/", "", Path(header).read_text(encoding="utf-8"), flags=re.DOTALL)
+    for name, number in re.findall(r"^#define (\w+)\s+(\d+)u?\s*$", text, flags=re.MULTILINE):
+        text = re.sub(rf"\b{name}\b", number, text)
     return re.sub(r"^\s*#.*$", "", text, flags=re.MULTILINE)
 
 

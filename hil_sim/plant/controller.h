@@ -7,8 +7,11 @@
 /* Reads the encoders at this instant: the nearest whole count. */
 void impid_plant_read_encoders(const impid_plant *plant, int32_t *count);
 
+/* The controller's memory of a robot that has always rested here. */
+void impid_plant_rest_control(impid_plant *plant);
+
 /* One tick: reads the encoders, updates the velocity estimate, and gives the torque to hold, N m.
- * reference: q1, q2 (rad), w1, w2 (rad/s). */
+ * reference: see impid_plant_run. */
 void impid_plant_control(impid_plant *plant, const double *reference, double *torque);
 
 #endif

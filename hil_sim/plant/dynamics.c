@@ -40,8 +40,24 @@ impid_plant_angles impid_plant_angles_near(const impid_plant_angles *base, const
     return angles;
 }
 
-void impid_plant_accelerate(const impid_plant *plant, const impid_plant_angles *angles, const double *w,
-                            const double *torque, impid_plant_rates *out) {
+/* What the hidden effects add: torques at the joints (r), forces of the load (f), rates of their states. */
+static void add_effects(const impid_plant *plant, const impid_effects_stage *stage, const double *d, double *r,
+                        double *f, double *tip, impid_plant_rates *out) {
+    const impid_effects *e = &plant->effects;
+    double gravity[2];
+    double load[2];
+    impid_effects_tip(e, stage, tip, gravity);
+    impid_effects_load_force(e, stage, plant->load.M, plant->load.K, d, load);
+    for (int j = 0; j < 2; j++) {
+        f[j] += load[j];
+        r[j] = impid_effects_drive_torque(e, stage, j, out->state) + gravity[j] -
+               impid_effects_friction_torque(e, stage, j) - impid_effects_angle_torque(e, stage, j);
+    }
+}
+
+void impid_plant_accelerate(const impid_plant *plant, const impid_plant_angles *angles,
+                            impid_effects_stage *stage, impid_plant_rates *out) {
+    const double *w = stage->w;
     const double *alpha = plant->robot.alpha;
     const double l1 = plant->robot.length[0];
     const double l2 = plant->robot.length[1];
@@ -65,8 +81,20 @@ void impid_plant_accelerate(const impid_plant *plant, const impid_plant_angles *
     const double dy = -J00 - load->x0[1] - J01;
     const double vx = J00 * w[0] + J01 * w[1];
     const double vy = J10 * w[0] + J11 * w[1];
-    const double fx = -(M[0] * Jw_x + M[1] * Jw_y + B[0] * vx + B[1] * vy + K[0] * dx + K[1] * dy);
-    const double fy = -(M[2] * Jw_x + M[3] * Jw_y + B[2] * vx + B[3] * vy + K[2] * dx + K[3] * dy);
+    double f[2];
+    f[0] = -(M[0] * Jw_x + M[1] * Jw_y + B[0] * vx + B[1] * vy + K[0] * dx + K[1] * dy);
+    f[1] = -(M[2] * Jw_x + M[3] * Jw_y + B[2] * vx + B[3] * vy + K[2] * dx + K[3] * dy);
+
+    double drive[2] = {stage->torque[0], stage->torque[1]};
+    double tip[2] = {0.0, 0.0};
+    if (plant->effects.present) {
+        const double d[2] = {dx, dy};
+        stage->x[0] = dx + load->x0[0];
+        stage->x[1] = dy + load->x0[1];
+        stage->v[0] = vx;
+        stage->v[1] = vy;
+        add_effects(plant, stage, d, drive, f, tip, out);
+    }
 
     /* I + J' M J, [D] eq. 11 and the load's mass seen from the joints. */
     const double sin_difference = angles->s1 * angles->c2 - angles->c1 * angles->s2;
@@ -83,8 +111,10 @@ void impid_plant_accelerate(const impid_plant *plant, const impid_plant_angles *
 
     /* tau - C q' - F_r + J' f, [D] eqs. 12 (second row with the sign that conserves energy) and 13. */
     const double c = 0.5 * alpha[1] * cos_difference;
-    const double r0 = torque[0] - c * w2w2 - alpha[3] * w[0] + J00 * fx + J10 * fy;
-    const double r1 = torque[1] + c * w1w1 - alpha[4] * w[1] + J01 * fx + J11 * fy;
+    const double sx = f[0] + tip[0];
+    const double sy = f[1] + tip[1];
+    const double r0 = drive[0] - c * w2w2 - alpha[3] * w[0] + J00 * sx + J10 * sy;
+    const double r1 = drive[1] + c * w1w1 - alpha[4] * w[1] + J01 * sx + J11 * sy;
 
     const double inverse = 1.0 / (A00 * A11 - A01 * A10);
     const double a0 = (A11 * r0 - A01 * r1) * inverse;
@@ -94,8 +124,8 @@ void impid_plant_accelerate(const impid_plant *plant, const impid_plant_angles *
     out->a[1] = a1;
     out->x[0] = J00 * a0 + J01 * a1 + Jw_x;
     out->x[1] = J10 * a0 + J11 * a1 + Jw_y;
-    out->f[0] = fx - MJ00 * a0 - MJ01 * a1;
-    out->f[1] = fy - MJ10 * a0 - MJ11 * a1;
+    out->f[0] = f[0] - MJ00 * a0 - MJ01 * a1;
+    out->f[1] = f[1] - MJ10 * a0 - MJ11 * a1;
 }
 
 double impid_plant_energy(const impid_plant *plant) {

@@ -12,12 +12,14 @@ typedef struct {
     double a[2]; /* joint accelerations, rad/s^2 */
     double x[2]; /* acceleration of the end-effector, m/s^2 */
     double f[2]; /* force of the load on the robot, N */
+    double state[IMPID_EFFECTS_STATES];
 } impid_plant_rates;
 
 impid_plant_angles impid_plant_angles_of(const double *q);
 /* The angles base, turned on by the small amounts dq: costs no call of sin() or cos(). */
 impid_plant_angles impid_plant_angles_near(const impid_plant_angles *base, const double *dq);
-void impid_plant_accelerate(const impid_plant *plant, const impid_plant_angles *angles, const double *w,
-                            const double *torque, impid_plant_rates *out);
+/* stage: q (only looked at with effects), w, torque, input and states are given; x and v are filled in. */
+void impid_plant_accelerate(const impid_plant *plant, const impid_plant_angles *angles,
+                            impid_effects_stage *stage, impid_plant_rates *out);
 
 #endif

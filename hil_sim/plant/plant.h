@@ -17,6 +17,8 @@
 #ifndef IMPID_PLANT_H
 #define IMPID_PLANT_H
 
+#include "effects.h"
+
 #include <stddef.h>
 #include <stdint.h>
 
@@ -38,11 +40,15 @@ typedef struct {
 typedef struct {
     double counts_per_rad[2]; /* sign: direction of counting */
     double zero_rad[2];       /* joint angle at count 0 */
+    double once_per_turn[2];  /* eccentricity: amplitude, rad */
+    double phase_rad[2];      /* of it */
+    double shift_rad[2];      /* the reading is so much too high */
 } impid_plant_encoder;
 
 typedef struct {
-    double kp[2];           /* N m/rad */
-    double kd[2];           /* N m s/rad */
+    int32_t at_tip;         /* 0: joint PD; 1: weak PD at the end-effector with a force on top, [P] eq. 2 */
+    double kp[2];           /* N m/rad; N/m at the end-effector */
+    double kd[2];           /* N m s/rad; N s/m */
     double velocity_weight; /* weight of the newest difference in the velocity estimate, 0 to 1 */
     double tick_s;          /* the controller's own idea of its period */
 } impid_plant_controller;
@@ -52,11 +58,13 @@ typedef struct {
     impid_plant_load load;
     impid_plant_encoder encoder;
     impid_plant_controller controller;
+    impid_effects effects;
     double step_s;      /* true length of one substep */
     double q[2];        /* rad */
     double w[2];        /* rad/s */
     double velocity[2]; /* the controller's estimate, rad/s */
-    int32_t count[2];   /* what the encoders showed at the last tick */
+    double angle[2];    /* what the controller read at the last tick, rad */
+    int32_t count[2];   /* what the encoders showed then */
 } impid_plant;
 
 /* Puts the robot at rest at q, with the controller at rest too. */
@@ -67,11 +75,13 @@ void impid_plant_rest(impid_plant *plant, const double *q);
  * integration, also where the torque steps). One row per tick: the counts that were read at the tick, and the
  * torque that is held from then on.
  *
- * reference: ticks rows of q1, q2 (rad), w1, w2 (rad/s). */
-void impid_plant_run(impid_plant *plant, size_t ticks, const double *reference, double *q, double *w,
+ * reference: ticks rows of q1, q2 (rad), w1, w2 (rad/s); for the controller at the end-effector x, y (m) and
+ * the force to add (N). input: ticks rows of IMPID_EFFECTS_INPUTS, held over the tick; NULL: all zero. */
+void impid_plant_run(impid_plant *plant, size_t ticks, const double *reference, const double *input, double *q, double *w,
                      double *acceleration, double *force, int32_t *count, double *torque);
 
-/* The kinetic energy of the robot and the mass on it, plus the energy of the springs, J. */
+/* The kinetic energy of the robot and the mass on it, plus the energy of the load's springs, J; without that of
+ * effects. */
 double impid_plant_energy(const impid_plant *plant);
 
 #endif

@@ -7,6 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil_sim._native import ffi, lib
+from hil_sim.effects.physics import INPUTS, PlantEffects, native
+from hil_sim.plant.kinematics import position
 
 Array = NDArray[np.float64]
 SUBSTEPS = 8  # IMPID_PLANT_SUBSTEPS: steps of the integration per tick of the controller
@@ -51,6 +53,10 @@ class PlantParameters:
         velocity_cutoff_Hz: of the controller's filter on differenced encoder readings.
         tick_s: the controller's own idea of its period.
         true_tick_s: how long that period really lasts.
+        at_tip: the controller works at the end-effector, [P] eq. 2: kp in N/m, kd in N s/m.
+        once_per_turn_rad, phase_rad: eccentricity of the encoders.
+        shift_rad: by how much the encoders' readings are too high.
+        effects: what the papers' models lack; None for nothing.
     """
 
     alpha: tuple[float, float, float, float, float]
@@ -64,6 +70,11 @@ class PlantParameters:
     velocity_cutoff_Hz: float
     tick_s: float = 1e-3
     true_tick_s: float = 1e-3
+    at_tip: bool = False
+    once_per_turn_rad: tuple[float, float] = (0.0, 0.0)
+    phase_rad: tuple[float, float] = (0.0, 0.0)
+    shift_rad: tuple[float, float] = (0.0, 0.0)
+    effects: PlantEffects | None = None
 
 
 @dataclass(frozen=True)
@@ -93,6 +104,7 @@ class Plant:
     def __init__(self, parameters: PlantParameters, q_rad: Array) -> None:
         """Puts the robot at rest at q_rad, shape (2,)."""
         p = parameters
+        self._lengths = p.link_lengths_m
         scale = [d * c / (2.0 * np.pi) for d, c in zip(p.direction, p.counts_per_rev, strict=True)]
         weight = 1.0 - float(np.exp(-2.0 * np.pi * p.velocity_cutoff_Hz * p.tick_s))
         self._plant = ffi.new(
@@ -105,17 +117,41 @@ class Plant:
                     "K": p.load.K.ravel().tolist(),
                     "x0": p.load.x0.tolist(),
                 },
-                "encoder": {"counts_per_rad": scale, "zero_rad": list(p.zero_rad)},
+                "encoder": {
+                    "counts_per_rad": scale,
+                    "zero_rad": list(p.zero_rad),
+                    "once_per_turn": list(p.once_per_turn_rad),
+                    "phase_rad": list(p.phase_rad),
+                    "shift_rad": list(p.shift_rad),
+                },
                 "controller": {
+                    "at_tip": int(p.at_tip),
                     "kp": list(p.kp),
                     "kd": list(p.kd),
                     "velocity_weight": weight,
                     "tick_s": p.tick_s,
                 },
+                "effects": native(
+                    p.effects or PlantEffects(),
+                    present=p.effects is not None,
+                    step_s=p.true_tick_s / SUBSTEPS,
+                ),
                 "step_s": p.true_tick_s / SUBSTEPS,
             },
         )
+        self._remember(q_rad)
         lib.impid_plant_rest(self._plant, [float(q_rad[0]), float(q_rad[1])])
+
+    def _remember(self, q_rad: Array) -> None:
+        """A load with a delayed force has always rested where it is."""
+        load = self._plant.effects.load
+        if load.late_steps <= 0.0:
+            return
+        d = position(q_rad, self._lengths) - np.array(list(self._plant.load.x0))
+        history = np.tile([*d, 0.0, 0.0], (int(load.late_steps) + 3, 1))
+        self._history = ffi.new("double[]", history.ravel().tolist())  # the C structure only points to it
+        load.history = self._history
+        load.history_rows = history.shape[0]
 
     def set_speed(self, w: Array) -> None:
         """Sets the joint speeds, shape (2,), rad/s: a start from motion instead of rest."""
@@ -125,8 +161,18 @@ class Plant:
         """Kinetic energy of robot and payload plus that of the springs, J."""
         return float(lib.impid_plant_energy(self._plant))
 
-    def run(self, reference: Array) -> Motion:
-        """Advances by one tick per row of the reference: q1, q2 (rad), w1, w2 (rad/s), shape (n, 4)."""
+    def run(self, reference: Array, inputs: Array | None = None) -> Motion:
+        """Advances by one tick per row of the reference.
+
+        Args:
+            reference: q1, q2 (rad), w1, w2 (rad/s), shape (n, 4); for the controller at the end-effector
+                x, y (m) and the force to add (N).
+            inputs: torque on the joints (N m), push on the load's side (N), shift of the load's equilibrium
+                (m), held over each tick, shape (n, 6); only looked at where there are effects.
+        """
+        if inputs is not None:
+            inputs = np.ascontiguousarray(inputs, dtype=np.float64)
+            assert inputs.shape == (reference.shape[0], INPUTS)
         reference = np.ascontiguousarray(reference, dtype=np.float64)
         ticks = reference.shape[0]
         fine = (SUBSTEPS * ticks, 2)
@@ -142,6 +188,7 @@ class Plant:
             self._plant,
             ticks,
             ffi.from_buffer("double[]", reference),
+            ffi.NULL if inputs is None else ffi.from_buffer("double[]", inputs),
             *(_doubles(array) for array in (motion.q, motion.w, motion.acceleration, motion.force)),
             ffi.from_buffer("int32_t[]", motion.count, require_writable=True),
             _doubles(motion.torque),

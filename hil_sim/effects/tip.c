@@ -1,0 +1,16 @@
+#include "effects.h"
+
+#include <math.h>
+
+void impid_effects_tip(const impid_effects *e, const impid_effects_stage *s, double *force, double *torque) {
+    const double *K = e->tip_stiffness;
+    const double *B = e->tip_damping;
+    const double *g = e->gravity;
+    for (int i = 0; i < 2; i++) {
+        force[i] = e->tip_pull[i] - K[2 * i] * s->x[0] - K[2 * i + 1] * s->x[1] - B[2 * i] * s->v[0] -
+                   B[2 * i + 1] * s->v[1];
+    }
+    /* The links point along (cos q1, sin q1) and (sin q2, -cos q2). */
+    torque[0] = e->moment[0] * (-sin(s->q[0]) * g[0] + cos(s->q[0]) * g[1]);
+    torque[1] = e->moment[1] * (cos(s->q[1]) * g[0] + sin(s->q[1]) * g[1]);
+}
