@@ -272,8 +272,10 @@ class Soc:
                 else:
                     clock.cycles = self.schedule.fire_while_quiet(self._quiet_until(cycle), self.nvic.pending)
                 continue
-            stop = self.cpu.run(deadline)
-            self.flash.settle()
+            try:
+                stop = self.cpu.run(deadline)
+            finally:
+                self.flash.settle()
             self.schedule.fire(clock.cycles)
             if stop is Stop.EXCEPTION_RETURN:
                 self._return()
