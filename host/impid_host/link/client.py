@@ -12,9 +12,8 @@ from typing import Protocol
 
 from impid_host.clock.device import ClockExchange
 from impid_host.errors import LinkError
-from impid_host.link.port import Chunk, SerialLink
-from impid_host.wire.decoder import LinkCounts, SerialDecoder
-from impid_host.wire.frame import DELIMITER, encode_command
+from impid_host.link.link import Chunk, Link
+from impid_host.wire.decoder import LinkCounts
 from impid_host.wire.messages import ITEM, OPCODE, PROTOCOL_VERSION, RESULT, RESULT_NAME, choices
 from impid_host.wire.records import BoardStatus, Decoded, Response
 
@@ -70,10 +69,10 @@ class BoardInfo:
 class BoardClient:
     """Talks to one board over one link."""
 
-    def __init__(self, link: SerialLink, listener: Listener | None = None) -> None:
+    def __init__(self, link: Link, listener: Listener | None = None) -> None:
         self.listener: Listener = listener or _Nobody()
         self._link = link
-        self._decoder = SerialDecoder()
+        self._decoder = link.carrier.decoder()
         # At random, because the board repeats its answer to an id that it has just seen, whoever used it.
         self._request_id = random.randrange(1 << 16)
         self._answers: deque[Response] = deque(maxlen=_PINGS_REMEMBERED)
@@ -84,6 +83,16 @@ class BoardClient:
     def counts(self) -> LinkCounts:
         """What came over the link so far, and what was lost."""
         return self._decoder.counts
+
+    def use(self, link: Link) -> None:
+        """Go on over another link of the same carrier; what was decoded and counted before stays."""
+        self._link = link
+        self._pings.clear()
+
+    @property
+    def name(self) -> str:
+        """The link's name."""
+        return self._link.name
 
     def mute(self) -> None:
         """Tell nobody any more what passes."""
@@ -117,10 +126,10 @@ class BoardClient:
             LinkError: no answer, a refusal, or the port is gone.
         """
         request_id = self._next_id()
-        frame = encode_command(request_id, OPCODE[opcode], item, value)
+        carrier = self._link.carrier
+        frame = carrier.encode_command(request_id, OPCODE[opcode], item, value)
         for attempt in range(TRIES):
-            # A leading delimiter ends whatever half frame noise may have left in the board's parser.
-            self._send(frame if attempt else DELIMITER + frame)
+            self._send(frame if attempt else carrier.preamble + frame)
             answer = self._await_answer(request_id)
             if answer is not None:
                 if answer.result != RESULT["OK"]:
@@ -135,7 +144,7 @@ class BoardClient:
     def ping(self) -> None:
         """Send a ping; the listener hears of the exchange when the answer comes."""
         request_id = self._next_id()
-        chunk = self._send(encode_command(request_id, OPCODE["PING"]))
+        chunk = self._send(self._link.carrier.encode_command(request_id, OPCODE["PING"], 0, 0))
         self._pings[request_id] = chunk.monotonic_ns
         while len(self._pings) > _PINGS_REMEMBERED:  # unanswered ones
             del self._pings[next(iter(self._pings))]

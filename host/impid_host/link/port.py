@@ -11,36 +11,24 @@ import os
 import queue
 import select
 import threading
-import time
-from dataclasses import dataclass
 from typing import Self
 
 import serial
 from serial.tools import list_ports
 
 from impid_host.errors import LinkError
+from impid_host.link.link import Chunk
+from impid_host.wire.carrier import SERIAL
 from impid_host.wire.messages import SERIAL_BAUD
 
 _READ_BYTES = 65536
 _POLL_S = 0.1
 
 
-@dataclass(frozen=True, slots=True)
-class Chunk:
-    """Bytes as one call gave or took them, and when: the host's monotonic and wall clocks, ns."""
-
-    monotonic_ns: int
-    wall_ns: int
-    data: bytes
-
-    @classmethod
-    def now(cls, data: bytes) -> Self:
-        """A chunk stamped with this moment."""
-        return cls(monotonic_ns=time.monotonic_ns(), wall_ns=time.time_ns(), data=data)
-
-
 class SerialLink:
     """An open port. Chunks wait in order until `receive` takes them; close it when done."""
+
+    carrier = SERIAL
 
     def __init__(self, port: serial.Serial, name: str) -> None:
         self.name = name

@@ -10,7 +10,7 @@ from typing import Literal
 from impid_host.clock.device import EXCHANGE_RATE_HZ, ClockEstimate, ClockExchange, OnlineClock
 from impid_host.errors import InputError, LinkError
 from impid_host.link.client import BoardClient
-from impid_host.link.port import Chunk
+from impid_host.link.link import Chunk
 from impid_host.recording.writer import RecordingWriter
 from impid_host.wire.decoder import LinkCounts
 from impid_host.wire.messages import SAMPLE_PERIOD_US

@@ -18,7 +18,7 @@ from mcap.writer import CompressionType, Writer
 
 from impid_host import __version__
 from impid_host.clock.device import ClockExchange
-from impid_host.link.port import Chunk
+from impid_host.link.link import Chunk
 from impid_host.recording import channels
 from impid_host.recording.appender import Appender
 from impid_host.wire.records import BoardStatus, Segment

@@ -8,7 +8,7 @@ sample without a date is not used, because a guess could splice two boots.
 The bus carries no time of sending for statuses and answers; theirs is that of the latest sample.
 """
 
-from dataclasses import astuple, dataclass, field
+from dataclasses import astuple, dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,6 +34,7 @@ from impid_host.wire.tracker import Groups, Tracker
 
 _MASK32 = 0xFFFFFFFF
 _UNDATED = -1
+_PAIR_NS = 100_000_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,11 +65,13 @@ class CanDecoder:
     _unpaired: int = 0
     _undated: int = 0
     _accel: Words = field(default_factory=lambda: np.zeros(0, np.uint64))  # a first half that waits
+    _accel_ns: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))  # its arrival
     _time: dict[str, int] | None = None  # a TIME that waits for its EPOCH
     _date: _Date | None = None
     _date_used: bool = False
     _last: tuple[int, int, int] = (0, 0, 0)  # boot_id, t_us, next index of the latest sample
     _start_index: int | None = None
+    _open_start: list[tuple[int, int]] = field(default_factory=list)  # position -1, value of the last START
     _status: dict[int, dict[str, int]] = field(default_factory=dict)
 
     @property
@@ -77,15 +80,20 @@ class CanDecoder:
         samples = astuple(self._tracker.counts)
         return LinkCounts(self._good, self._unpaired, 0, 0, self._undated, *samples)
 
-    def feed(self, identifiers: NDArray[np.uint16], words: Words) -> Decoded:
+    def feed(
+        self, identifiers: NDArray[np.uint16], words: Words, arrival_ns: NDArray[np.int64] | None = None
+    ) -> Decoded:
         """What the frames complete: identifiers and payloads (one little-endian word each), shape (N,).
 
-        Frames of other identifiers, which other devices on the bus may send, are passed over.
+        Two halves whose arrivals are 100 ms apart are not one sample: the few index bits of the second half
+        repeat after 256 ms. Frames of other identifiers, which other devices may send, are passed over.
         """
-        halves = self._pair(identifiers, words)
+        arrival_ns = np.zeros(len(words), np.int64) if arrival_ns is None else arrival_ns
+        halves = self._pair(identifiers, words, arrival_ns)
         is_data = (identifiers == ACCEL.frame_id) | (identifiers == ENCODER.frame_id)
         dates: list[_Date | None] = [self._date and _Date(-1, *astuple(self._date)[1:])]
         breaks: list[int] = []
+        starts: list[tuple[int, int]] = []
         others = np.flatnonzero(~is_data).tolist()
         for at in others:
             identifier, word = int(identifiers[at]), int(words[at])
@@ -95,21 +103,25 @@ class CanDecoder:
                 dates += self._epoch(at, scalars(EPOCH, word))
             elif identifier == RESPONSE.frame_id and _starts(scalars(RESPONSE, word)):
                 breaks.append(at)
-        segments, events = self._place(halves, [date for date in dates if date is not None], breaks)
+                starts.append((at, scalars(RESPONSE, word)["value"]))
+        known = [date for date in dates if date is not None]
+        segments, events = self._place(halves, known, breaks, [*self._open_start, *starts])
+        self._open_start = [(-1, value) for _, value in (*self._open_start, *starts)[-1:]]
         answers = self._answers(identifiers, words, others)
         return Decoded(tuple(segments), *answers, tuple(events))
 
-    def _pair(self, identifiers: NDArray[np.uint16], words: Words) -> _Halves:
+    def _pair(self, identifiers: NDArray[np.uint16], words: Words, arrival_ns: NDArray[np.int64]) -> _Halves:
         at = np.flatnonzero((identifiers == ACCEL.frame_id) | (identifiers == ENCODER.frame_id))
         waiting = len(self._accel)
         word = np.concatenate([self._accel, words[at].astype(np.uint64)])
+        came_ns = np.concatenate([self._accel_ns, arrival_ns[at]])
         position = np.concatenate([np.full(waiting, -1, dtype=np.intp), at])
         first = np.concatenate([np.ones(waiting, dtype=np.bool_), identifiers[at] == ACCEL.frame_id])
-        pair = np.flatnonzero(first[:-1] & ~first[1:])
+        pair = np.flatnonzero(first[:-1] & ~first[1:] & (np.diff(came_ns) < _PAIR_NS))
         index = ACCEL.unpack(word[pair])["index_low16"]
         pair = pair[(index & np.uint64(0xFF)) == ENCODER.unpack(word[pair + 1])["index_low8"]]
         keep = len(word) > 0 and bool(first[-1])
-        self._accel = word[-1:] if keep else word[:0]
+        self._accel, self._accel_ns = (word[-1:], came_ns[-1:]) if keep else (word[:0], came_ns[:0])
         self._good += 2 * len(pair)
         self._unpaired += len(word) - int(keep) - 2 * len(pair)
         return _Halves(word[pair], word[pair + 1], position[pair])
@@ -127,7 +139,7 @@ class CanDecoder:
         return [self._date]
 
     def _place(
-        self, halves: _Halves, dates: list[_Date], breaks: list[int]
+        self, halves: _Halves, dates: list[_Date], breaks: list[int], starts: list[tuple[int, int]]
     ) -> tuple[list[Segment], list[Loss | NewRun]]:
         accel, encoder = ACCEL.unpack(halves.accel), ENCODER.unpack(halves.encoder)
         which = _date_of(halves.position, dates, breaks)
@@ -165,7 +177,8 @@ class CanDecoder:
             for span in spans
         ]
         self._last = (int(boot[-1]), int(t_us[-1]), (int(index[-1]) + 1) & _MASK32)
-        return segments, events
+        began = {span.run: int(halves.position[dated][span.start]) for span in reversed(spans)}
+        return segments, [_with_start(event, began, starts) for event in events]
 
     def _answers(
         self, identifiers: NDArray[np.uint16], words: Words, others: list[int]
@@ -212,7 +225,18 @@ class CanDecoder:
             return []
         merged = {name: value for part in self._status.values() for name, value in part.items()}
         self._status.clear()
-        return [BoardStatus(*self._last, **merged)]
+        boot_id, t_us, next_index = self._last
+        if self._start_index is not None:
+            next_index = (self._start_index + merged["produced"]) & _MASK32
+        return [BoardStatus(boot_id, t_us, next_index, **merged)]
+
+
+def _with_start(event: Loss | NewRun, began: dict[int, int], starts: list[tuple[int, int]]) -> Loss | NewRun:
+    """A new run with the first index that the START before it named."""
+    if not isinstance(event, NewRun):
+        return event
+    named = [value for position, value in starts if position <= began[event.run]]
+    return replace(event, start_index=named[-1] if named else None)
 
 
 def _starts(response: dict[str, int]) -> bool:

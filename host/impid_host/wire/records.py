@@ -97,12 +97,17 @@ class Loss:
 
 @dataclass(frozen=True, slots=True)
 class NewRun:
-    """The stream began anew at board time t_us: another boot, or another START of the same boot."""
+    """The stream began anew at board time t_us: another boot, or another START of the same boot.
+
+    `start_index` is the first index as the START just before it named it, where the carrier tells (CAN, whose
+    answers carry no boot).
+    """
 
     boot_id: int
     run: int
     t_us: int
     reboot: bool
+    start_index: int | None = None
 
 
 @dataclass(frozen=True, slots=True)
