@@ -65,5 +65,6 @@ def command(
 
 def _end_with_stdin() -> None:
     """Nothing is ever written to it: a parent that is killed closes it, without having to say goodbye."""
-    sys.stdin.buffer.read()
+    while os.read(sys.stdin.fileno(), 1):  # not the buffered reader: its lock would outlive the program
+        pass
     os.kill(os.getpid(), signal.SIGTERM)
