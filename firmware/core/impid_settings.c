@@ -5,7 +5,7 @@
 #define ERASED_WORD    0xFFFFFFFFu
 #define MARK           0x494D5031u /* "1PMI" in memory */
 #define LAYOUT         1u
-#define SNAPSHOT_WORDS (IMPID_SETTINGS + 3u)
+#define SNAPSHOT_WORDS ((uint32_t)IMPID_SETTINGS + 3u)
 #define CRC_WORD       (SNAPSHOT_WORDS - 1u)
 
 typedef struct {
@@ -147,7 +147,9 @@ bool impid_settings_save(impid_settings_t *settings) {
         settings->sector = other;
         settings->next = 0u;
     }
-    uint32_t words[SNAPSHOT_WORDS] = {LAYOUT, settings->sequence + 1u};
+    uint32_t words[SNAPSHOT_WORDS];
+    words[0] = LAYOUT;
+    words[1] = settings->sequence + 1u;
     for (uint32_t item = 0; item < IMPID_SETTINGS; item++) {
         words[2u + item] = settings->values[item];
     }

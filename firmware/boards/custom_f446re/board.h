@@ -7,7 +7,7 @@
 #include "pin.h"
 
 #define BOARD_HSE_MHZ    8u
-#define BOARD_HSE_BYPASS 0 /* a crystal */
+#define BOARD_HSE_BYPASS false /* a crystal */
 
 #define BOARD_ACCEL_X       PIN(GPIOC, 2)
 #define BOARD_ACCEL_Y       PIN(GPIOC, 3)

@@ -5,8 +5,8 @@
 
 #include "pin.h"
 
-#define BOARD_HSE_MHZ    8u /* from the ST-LINK, */
-#define BOARD_HSE_BYPASS 1  /* a clock signal, not a crystal */
+#define BOARD_HSE_MHZ    8u   /* from the ST-LINK, */
+#define BOARD_HSE_BYPASS true /* a clock signal, not a crystal */
 
 #define BOARD_ACCEL_X       PIN(GPIOC, 0) /* A5 */
 #define BOARD_ACCEL_Y       PIN(GPIOC, 1) /* A4 */

@@ -11,7 +11,10 @@
 #define HSE_ATTEMPTS 270000u
 
 static bool external_clock_runs(void) {
-    RCC->CR |= (BOARD_HSE_BYPASS ? RCC_CR_HSEBYP : 0u) | RCC_CR_HSEON;
+    if (BOARD_HSE_BYPASS) {
+        RCC->CR |= RCC_CR_HSEBYP;
+    }
+    RCC->CR |= RCC_CR_HSEON;
     for (uint32_t i = 0; i < HSE_ATTEMPTS; i++) {
         if ((RCC->CR & RCC_CR_HSERDY) != 0u) {
             return true;

@@ -56,7 +56,7 @@ uint8_t fault_reset_cause(void) {
     uint8_t cause = cause_by_flags(RCC->CSR);
     RCC->CSR |= RCC_CSR_RMVF;
     if (kept.crc != kept_crc()) {
-        memset(&kept, 0, sizeof kept);
+        (void)memset(&kept, 0, sizeof kept);
     } else if (kept.fresh == 1u) {
         cause = IMPID_MESSAGES_STATUS_HEALTH_RESET_CAUSE_FAULT_CHOICE;
     } else {

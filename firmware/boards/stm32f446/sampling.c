@@ -148,7 +148,8 @@ static bool sync_edge_until(uint32_t t_us) {
     return seen;
 }
 
-static void serve_due(uint8_t flags) {
+static void serve_due(uint8_t lateness) {
+    uint8_t flags = lateness;
     uint32_t first = half * IMPID_OVERSAMPLING;
     uint32_t last = first + IMPID_OVERSAMPLING - 1u;
     if (!pin_read(BOARD_ENCODER_1_FAULT) || !pin_read(BOARD_ENCODER_2_FAULT) || !latch_in_step()) {

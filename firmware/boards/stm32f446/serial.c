@@ -66,8 +66,8 @@ void usart2_handler(void) {
     }
 }
 
-static void hand_over(impid_core_t *core, uint32_t end, uint32_t t_us) {
-    end %= RECEIVE_BYTES;
+static void hand_over(impid_core_t *core, uint32_t mark, uint32_t t_us) {
+    uint32_t end = mark % RECEIVE_BYTES;
     if (end < consumed) {
         impid_core_serial_receive(core, &received[consumed], RECEIVE_BYTES - consumed, t_us);
         consumed = 0u;

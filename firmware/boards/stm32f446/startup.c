@@ -48,10 +48,15 @@ __attribute__((section(".vectors"), used)) static const vector_table_t vectors =
         },
 };
 
+/* The linker's symbols mark places in one memory, which C cannot know: hence numbers, not pointers. */
+static size_t bytes_between(const uint8_t *start, const uint8_t *end) {
+    return (uintptr_t)end - (uintptr_t)start;
+}
+
 void reset_handler(void) {
     SCB->VTOR = (uint32_t)(uintptr_t)&vectors;
-    memcpy(linker_data_start, linker_data_image, (size_t)(linker_data_end - linker_data_start));
-    memset(linker_bss_start, 0, (size_t)(linker_bss_end - linker_bss_start));
+    (void)memcpy(linker_data_start, linker_data_image, bytes_between(linker_data_start, linker_data_end));
+    (void)memset(linker_bss_start, 0, bytes_between(linker_bss_start, linker_bss_end));
     (void)main();
     unexpected_handler();
 }
