@@ -27,7 +27,9 @@ PLL_ON = f"""
 
 def test_reset_state(tmp_path: Path) -> None:
     """6.3.1: HSI on and ready, all else off. 6.3.3: HSI is the system clock. 6.3.21: power-on flags."""
-    soc = run(tmp_path, f"void reset(void) {{ out[0] = {RCC_CR}; out[1] = {CFGR}; out[2] = {CSR}; for (;;) {{}} }}")
+    soc = run(
+        tmp_path, f"void reset(void) {{ out[0] = {RCC_CR}; out[1] = {CFGR}; out[2] = {CSR}; for (;;) {{}} }}"
+    )
     cr, cfgr, csr = results(soc, 3)
     assert (cr & 0x0F0F_0003, cfgr) == (3, 0)
     assert csr == 0x0E00_0000
@@ -103,7 +105,9 @@ def test_a_gated_peripheral_is_refused(tmp_path: Path) -> None:
     ("prescaler", "reload", "seconds"),
     [(0, 0xFFF, 0.512), (3, 2000, 2001 * 32 / 32000), (6, 0x0F, 0.128), (4, 0xFFF, 8.192)],
 )
-def test_watchdog_resets_after_its_timeout(tmp_path: Path, prescaler: int, reload: int, seconds: float) -> None:
+def test_watchdog_resets_after_its_timeout(
+    tmp_path: Path, prescaler: int, reload: int, seconds: float
+) -> None:
     """20.3, table of timeouts at 32 kHz: /4 and 0xFFF give 512 ms, /64 and 0xFFF 8192 ms."""
     body = f"""
         void reset(void) {{

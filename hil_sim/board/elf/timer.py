@@ -280,6 +280,21 @@ class Timer(Peripheral):
             self._update(flag=not self.value["CR1"] & URS)
             self._restart(0)
 
+    def _write_channels(self, register: str, offset: int, value: int) -> None:
+        """Captures of the channel's own input or of TRC; outputs and crossed inputs have no model."""
+        for half in (value & 0xFF, value >> 8):
+            if half and half & 3 not in (1, 3):
+                raise self.unmodelled("write", register, offset, value)
+        self.value[register] = value
+
+    def write_ccmr1(self, value: int) -> None:
+        """Modes of channels 1 and 2."""
+        self._write_channels("CCMR1", 0x18, value)
+
+    def write_ccmr2(self, value: int) -> None:
+        """Modes of channels 3 and 4."""
+        self._write_channels("CCMR2", 0x1C, value)
+
     def write_ccer(self, value: int) -> None:
         """Capture enables and edges; both edges at once (CCxNP with CCxP) has no model."""
         self.value["CCER"] = value
