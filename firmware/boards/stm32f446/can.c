@@ -1,6 +1,7 @@
 #include "can.h"
 
 #include "board.h"
+#include "clock.h"
 #include "interrupts.h"
 #include "pin.h"
 #include "registers.h"
@@ -38,7 +39,7 @@ static volatile uint16_t bus_off;
 
 void can_start(uint32_t kbps) {
     kilobits = kbps;
-    RCC->APB1ENR |= RCC_APB1ENR_CAN1;
+    clock_enable(&RCC->APB1ENR, RCC_APB1ENR_CAN1);
     pin_alternate(BOARD_CAN_TX, AF_CAN1, PIN_PULL_NONE);
     pin_alternate(BOARD_CAN_RX, AF_CAN1, PIN_PULL_UP);
 

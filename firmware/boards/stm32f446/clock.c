@@ -25,7 +25,7 @@ static bool external_clock_runs(void) {
 }
 
 bool clock_start(void) {
-    RCC->APB1ENR |= RCC_APB1ENR_PWR;
+    clock_enable(&RCC->APB1ENR, RCC_APB1ENR_PWR);
     PWR->CR = (PWR->CR & ~PWR_CR_VOS_Msk) | PWR_CR_VOS_3;
 
     bool external = external_clock_runs();
@@ -38,6 +38,8 @@ bool clock_start(void) {
     }
     /* The wait states must be in force before the clock rises (RM0390 3.4.1). */
     FLASH->ACR = FLASH_ACR_LATENCY_2 | FLASH_ACR_PRFTEN | FLASH_ACR_ICEN | FLASH_ACR_DCEN;
+    while ((FLASH->ACR & FLASH_ACR_LATENCY_Msk) != FLASH_ACR_LATENCY_2) {
+    }
     RCC->CFGR = RCC_CFGR_PPRE1_2;
     RCC->CFGR = RCC_CFGR_PPRE1_2 | RCC_CFGR_SW_PLL;
     while ((RCC->CFGR & RCC_CFGR_SWS_Msk) != RCC_CFGR_SWS_PLL) {

@@ -7,13 +7,21 @@
 #ifndef CLOCK_H
 #define CLOCK_H
 
+#include "registers.h"
+
 #include <stdbool.h>
-#include <stdint.h>
 
 #define CLOCK_TIMER_HZ 90000000u /* processor, timers on both buses */
 #define CLOCK_APB1_HZ  45000000u /* USART2, CAN1 */
 
 /* true: runs on the external clock (25 to 50 ppm); false: on the internal one (1 %). */
 bool clock_start(void);
+
+/* Clocks a peripheral. The read makes the first access wait until the clock is there (errata sheet ES0298,
+ * delay after an RCC peripheral clock enabling). */
+static inline void clock_enable(reg_t *enable, uint32_t bits) {
+    *enable |= bits;
+    (void)*enable;
+}
 
 #endif

@@ -71,7 +71,7 @@ static const impid_port_t port = {
 };
 
 static void set_pins_up(void) {
-    RCC->AHB1ENR |= RCC_AHB1ENR_GPIOA | RCC_AHB1ENR_GPIOB | RCC_AHB1ENR_GPIOC;
+    clock_enable(&RCC->AHB1ENR, RCC_AHB1ENR_GPIOA | RCC_AHB1ENR_GPIOB | RCC_AHB1ENR_GPIOC);
     pin_analogue(BOARD_ACCEL_X);
     pin_analogue(BOARD_ACCEL_Y);
     pin_output(BOARD_SELF_TEST);

@@ -13,22 +13,23 @@ typedef volatile uint32_t reg_t;
 typedef struct {
     reg_t ACR, KEYR, OPTKEYR, SR, CR;
 } flash_regs_t;
-#define FLASH               ((flash_regs_t *)0x40023C00u)
-#define FLASH_ACR_LATENCY_2 2u
-#define FLASH_ACR_PRFTEN    (1u << 8)
-#define FLASH_ACR_ICEN      (1u << 9)
-#define FLASH_ACR_DCEN      (1u << 10)
-#define FLASH_ACR_DCRST     (1u << 12)
-#define FLASH_KEY1          0x45670123u
-#define FLASH_KEY2          0xCDEF89ABu
-#define FLASH_SR_ERRORS     0x000001F2u /* OPERR, WRPERR, PGAERR, PGPERR, PGSERR, RDERR */
-#define FLASH_SR_BSY        (1u << 16)
-#define FLASH_CR_PG         (1u << 0)
-#define FLASH_CR_SER        (1u << 1)
-#define FLASH_CR_SNB_Pos    3
-#define FLASH_CR_PSIZE_X32  (2u << 8)
-#define FLASH_CR_STRT       (1u << 16)
-#define FLASH_CR_LOCK       (1u << 31)
+#define FLASH                 ((flash_regs_t *)0x40023C00u)
+#define FLASH_ACR_LATENCY_2   2u
+#define FLASH_ACR_LATENCY_Msk 15u
+#define FLASH_ACR_PRFTEN      (1u << 8)
+#define FLASH_ACR_ICEN        (1u << 9)
+#define FLASH_ACR_DCEN        (1u << 10)
+#define FLASH_ACR_DCRST       (1u << 12)
+#define FLASH_KEY1            0x45670123u
+#define FLASH_KEY2            0xCDEF89ABu
+#define FLASH_SR_ERRORS       0x000001F2u /* OPERR, WRPERR, PGAERR, PGPERR, PGSERR, RDERR */
+#define FLASH_SR_BSY          (1u << 16)
+#define FLASH_CR_PG           (1u << 0)
+#define FLASH_CR_SER          (1u << 1)
+#define FLASH_CR_SNB_Pos      3
+#define FLASH_CR_PSIZE_X32    (2u << 8)
+#define FLASH_CR_STRT         (1u << 16)
+#define FLASH_CR_LOCK         (1u << 31)
 
 /* --- Power controller (5) ------------------------------------------------------------------------ */
 typedef struct {

@@ -30,8 +30,8 @@ static volatile uint32_t sent;
 static volatile uint32_t under_way;
 
 void serial_start(void) {
-    RCC->AHB1ENR |= RCC_AHB1ENR_DMA1;
-    RCC->APB1ENR |= RCC_APB1ENR_USART2;
+    clock_enable(&RCC->AHB1ENR, RCC_AHB1ENR_DMA1);
+    clock_enable(&RCC->APB1ENR, RCC_APB1ENR_USART2);
     pin_alternate(BOARD_SERIAL_TX, AF_USART2, PIN_PULL_NONE);
     pin_alternate(BOARD_SERIAL_RX, AF_USART2, PIN_PULL_UP);
 

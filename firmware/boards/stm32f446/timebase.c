@@ -15,9 +15,11 @@ void timebase_start(void) {
     TIM4->CCMR1 = TIM_CCMR1_CC1S_TI1 | TIM_CCMR1_IC1F(SYNC_FILTER);
     TIM4->CCER = TIM_CCER_CC1E;
     TIM4->CR1 = TIM_CR1_CEN;
-    /* Clears counter and prescaler; the trigger output of this update starts TIM3. TIM12 is not enabled yet,
-     * so this update is no overflow to it. */
+    /* Clears counter and prescaler; the trigger output of this update starts TIM3. TIM12 is enabled when the
+     * trigger is over, a microsecond later, so this update is no overflow to it. */
     TIM4->EGR = TIM_EGR_UG;
+    while (TIM4->CNT == 0u) {
+    }
     TIM12->CR1 = TIM_CR1_CEN;
 }
 
