@@ -31,7 +31,11 @@ cppcheck --quiet --error-exitcode=1 --std=c11 --addon=misra --inline-suppr \
 
 # clang brings its own compiler headers; newlib's stdatomic.h needs stdint.h before it with clang. The libc's are where the cross compiler looks for them.
 libc=$(arm-none-eabi-gcc -xc -E -v /dev/null 2>&1 | sed -n 's|^ \(.*arm-none-eabi/include\)$|-isystem \1|p' | tr '\n' ' ')
+# How many warnings it leaves out is all that it says there when all is well.
+noise=$(mktemp)
+trap 'rm -f "$noise"' EXIT
 # shellcheck disable=SC2086
 clang-tidy --quiet --config-file=firmware/.clang-tidy firmware/core/*.c "$port"/*.c -- \
-    --target=arm-none-eabi -include stdint.h -mcpu=cortex-m4 -mthumb -std=c11 -Wall -Wextra $includes $libc
+    --target=arm-none-eabi -include stdint.h -mcpu=cortex-m4 -mthumb -std=c11 -Wall -Wextra $includes $libc \
+    2>"$noise" || { cat "$noise" >&2; exit 1; }
 echo "firmware_check: clean; $(grep -c '^misra' firmware/misra-deviations.txt) MISRA rules deviated from, each with its reason"
