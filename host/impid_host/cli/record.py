@@ -4,33 +4,45 @@ import signal
 import sys
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager, suppress
-from dataclasses import asdict
+from contextlib import ExitStack, closing, contextmanager, suppress
+from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
 
 import click
 from rich.console import Console
 
 from impid_host import __version__
+from impid_host.cli.link_options import address_of, link_options
 from impid_host.clock.device import fit_clock
 from impid_host.errors import InputError, LinkError, UndeterminedError
+from impid_host.link.address import Address
 from impid_host.link.client import BoardClient
-from impid_host.link.port import SerialLink
 from impid_host.link.simulator import Simulator
 from impid_host.recording import channels
 from impid_host.recording.display import progress_display
 from impid_host.recording.reader import read_recording
 from impid_host.recording.recorder import Outcome, Recorder
 from impid_host.recording.writer import RecordingWriter
-from impid_host.wire.messages import SERIAL_BAUD
 
 # The thread that stamps what the port receives must not wait 5 ms (Python's default) for a busy main thread.
 _SWITCH_INTERVAL_S = 0.0005
+_SIGNALS = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name))
+
+
+@dataclass(frozen=True, slots=True)
+class _Order:
+    """What to record, and where to."""
+
+    out: Path
+    address: Address
+    duration_s: float | None
+    speed: float
+    patience_s: float
+    asked: dict[str, str]
 
 
 @click.command()
-@click.option("--port", metavar="PORT", help="Serial device, or an address such as socket://host:port.")
+@link_options
 @click.option("--sim", metavar="SCENARIO[:TRIAL]", help="Start the simulator and record its board instead.")
 @click.option(
     "--duration", type=click.FloatRange(min=0, min_open=True), metavar="S", help="Seconds to record."
@@ -38,7 +50,14 @@ _SWITCH_INTERVAL_S = 0.0005
 @click.option(
     "--out", required=True, type=click.Path(path_type=Path), metavar="FILE.mcap", help="File to write."
 )
-@click.option("--baud", default=SERIAL_BAUD, show_default=True, help="Speed of the serial line.")
+@click.option(
+    "--reconnect",
+    default=30.0,
+    show_default=True,
+    type=click.FloatRange(min=0),
+    metavar="S",
+    help="How long to wait for a board that has gone; 0: not at all.",
+)
 @click.option(
     "--speed", default=1.0, type=click.FloatRange(min=0, min_open=True), help="Simulator: times real time."
 )
@@ -52,10 +71,12 @@ _SWITCH_INTERVAL_S = 0.0005
 def command(
     *,
     port: str | None,
+    can: str | None,
+    baud: int | None,
     sim: str | None,
     duration: float | None,
     out: Path,
-    baud: int,
+    reconnect: float,
     speed: float,
     seed: int | None,
     truth: Path | None,
@@ -67,6 +88,9 @@ def command(
     recording runs until Ctrl-C, which ends it in good order. The duration is counted in samples, on the
     board's clock.
 
+    When the cable is pulled or the board is reset, the recording waits for it and goes on; what comes after a
+    reset is a run of its own, because the board's clock has begun anew.
+
     With --sim (`impid-sim list` shows the scenarios and their trials) the robot's torque log and the
     apparatus are written beside the recording, as FILE.robot.csv and FILE.setup.toml, and without --duration
     the recording ends with the trial.
@@ -74,12 +98,15 @@ def command(
     \b
     Examples:
       impid-host record --port /dev/ttyACM0 --duration 50 --out free_01.mcap
+      impid-host record --port auto --duration 50 --out free_01.mcap
+      impid-host record --can socketcan:can0 --duration 50 --out free_01.mcap
       impid-host record --sim first-light:free_01 --speed 5 --out free_01.mcap
     """
-    if (port is None) == (sim is None):
-        raise click.UsageError("give either --port or --sim")
+    if (port is None and can is None) == (sim is None):
+        raise click.UsageError("give either --port, --can or --sim")
     if sim is None and (speed != 1.0 or seed is not None or truth is not None):
         raise click.UsageError("--speed, --seed and --truth are for --sim only")
+    address = address_of(port, can, baud)
     robot_log, setup = out.with_suffix(".robot.csv"), out.with_suffix(".setup.toml")
     for path in (out, robot_log, setup, truth) if sim else (out,):
         if path is not None:
@@ -91,45 +118,74 @@ def command(
             served = stack.enter_context(
                 Simulator.start(sim, speed=speed, seed=seed, robot_log=robot_log, setup=setup, truth=truth)
             )
-            port = served.port
+            address.port = served.port
             click.echo(f"simulating {sim.partition(':')[0]}:{served.trial}", err=True)
             if duration is None:
                 stopped = lambda: signalled.is_set() or served.finished  # noqa: E731
-        link = stack.enter_context(SerialLink.open(str(port), baud))
-        asked = {"port": port, "sim": sim, "duration": duration, "baud": baud, "speed": speed, "seed": seed}
-        outcome = _record(link, out, duration, stopped, {k: v for k, v in asked.items() if v is not None})
-    _conclude(outcome, out, duration, speed)
+        asked = {
+            "port": address.port,
+            "can": can,
+            "sim": sim,
+            "duration": duration,
+            "baud": baud,
+            "seed": seed,
+        }
+        said = {name: str(value) for name, value in asked.items() if value is not None}
+        order = _Order(out, address, duration, speed, reconnect, said)
+        outcome = _record(order, stopped)
+    _conclude(outcome, order)
 
 
-def _record(
-    link: SerialLink, out: Path, duration_s: float | None, stopped: Callable[[], bool], asked: dict[str, Any]
-) -> Outcome:
-    client = BoardClient(link)
-    board = {name: str(value) for name, value in asdict(client.info()).items()}
-    host = {"version": __version__} | {name: str(value) for name, value in asked.items()}
-    metadata = {channels.METADATA_HOST: host, channels.METADATA_BOARD: board}
-    rate = float(asked["speed"])
-    writer = RecordingWriter.create(out, metadata, nominal_rate=rate)
-    summary = {"ending": "failed"}
-    try:
-        recorder = Recorder(client, writer, nominal_rate=rate)
-        with progress_display(Console(stderr=True), out.name, duration_s) as show:
-            outcome = recorder.run(duration_s or float("inf"), stopped=stopped, report=show)
-        summary = {"ending": outcome.ending} | {k: str(v) for k, v in asdict(outcome.progress.counts).items()}
-    finally:
-        # After a full disk the file is whole up to its last flush, without an index; its reader says so.
-        with suppress(InputError):
-            writer.close(summary)
+def _record(order: _Order, stopped: Callable[[], bool]) -> Outcome:
+    with ExitStack() as stack:
+        link = stack.enter_context(closing(order.address.open()))
+        client = BoardClient(link)
+
+        def reopen() -> None:
+            link = order.address.open()
+            stack.callback(link.close)
+            client.use(link)
+
+        carrier = link.carrier.name
+        writer = RecordingWriter.create(
+            order.out, _metadata(client, order, carrier), nominal_rate=order.speed, carrier=carrier
+        )
+        summary = {"ending": "failed"}
+        try:
+            recorder = Recorder(
+                client, writer, nominal_rate=order.speed, reopen=reopen, patience_s=order.patience_s
+            )
+            recorder.identify()
+            with progress_display(Console(stderr=True), order.out.name, order.duration_s) as show:
+                outcome = recorder.run(order.duration_s or float("inf"), stopped=stopped, report=show)
+            counts = asdict(outcome.progress.counts)
+            summary = {"ending": outcome.ending} | {name: str(count) for name, count in counts.items()}
+        finally:
+            # After a full disk the file is whole up to its last flush, without an index; its reader says so.
+            with suppress(InputError):
+                writer.close(summary)
     return outcome
 
 
-def _conclude(outcome: Outcome, out: Path, duration_s: float | None, speed: float) -> None:
+def _metadata(client: BoardClient, order: _Order, carrier: str) -> dict[str, dict[str, str]]:
+    host = {"version": __version__, "carrier": carrier, "speed": str(order.speed)} | order.asked
+    board = {name: str(value) for name, value in asdict(client.info()).items()}
+    settings = {name: str(value) for name, value in client.settings().items()}
+    return {
+        channels.METADATA_HOST: host,
+        channels.METADATA_BOARD: board,
+        channels.METADATA_SETTINGS: settings,
+    }
+
+
+def _conclude(outcome: Outcome, order: _Order) -> None:
     """The last line, from what is really in the file; raises where that is not what was asked for."""
+    out, duration_s = order.out, order.duration_s
     recording = read_recording(out)
     stored = sum(ledger.stored for ledger in recording.ledgers)
     lost = sum(ledger.lost for ledger in recording.ledgers)
     try:
-        clock = str(fit_clock(list(outcome.exchanges), nominal_rate=speed))
+        clock = str(fit_clock(list(outcome.exchanges), nominal_rate=order.speed))
     except UndeterminedError as error:
         clock = f"clock not determined: {error}"
     books = "; ".join(str(ledger) for ledger in recording.ledgers) or "no samples"
@@ -163,7 +219,7 @@ def _refuse_existing(path: Path) -> None:
 def _stop_on_signal() -> Iterator[threading.Event]:
     """An event that Ctrl-C or SIGTERM sets, instead of ending the program half-way."""
     stopped = threading.Event()
-    before = {s: signal.signal(s, lambda *_: stopped.set()) for s in (signal.SIGINT, signal.SIGTERM)}
+    before = {s: signal.signal(s, lambda *_: stopped.set()) for s in _SIGNALS}
     interval = sys.getswitchinterval()
     sys.setswitchinterval(_SWITCH_INTERVAL_S)
     try:

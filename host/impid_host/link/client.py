@@ -22,6 +22,9 @@ TIMEOUT_S = 0.4
 SELF_TEST_TIMEOUT_S = 5.0
 _PINGS_REMEMBERED = 64
 HOLD_SATURATED_US = 0xFFFF  # the board held the answer longer than it can say: t3 is unknown
+# INFO has items 0 to 31, settings stand at 32 to 63, the fault record from 64 on.
+SETTINGS = tuple(name for name, number in ITEM.items() if 32 <= number < 64)
+FAULT_RECORD = tuple(name for name, number in ITEM.items() if number >= 64)
 _SELF_TEST_RUNNING = choices("STATUS_HEALTH", "self_test")["RUNNING"]
 
 
@@ -64,6 +67,15 @@ class BoardInfo:
     clock_source: int
     self_test_x_mv: int
     self_test_y_mv: int
+
+
+@dataclass(frozen=True, slots=True)
+class Identity:
+    """Which board, and which boot of it."""
+
+    uid: tuple[int, int, int]
+    boot_id: int
+    reset_cause: int
 
 
 class BoardClient:
@@ -125,6 +137,13 @@ class BoardClient:
         Raises:
             LinkError: no answer, a refusal, or the port is gone.
         """
+        answer = self._ask(opcode, item, value)
+        if answer.result != RESULT["OK"]:
+            reason = RESULT_NAME.get(answer.result, str(answer.result))
+            raise LinkError(f"{self._link.name}: the board refuses {opcode} ({reason})")
+        return answer
+
+    def _ask(self, opcode: str, item: int, value: int) -> Response:
         request_id = self._next_id()
         carrier = self._link.carrier
         frame = carrier.encode_command(request_id, OPCODE[opcode], item, value)
@@ -132,9 +151,6 @@ class BoardClient:
             self._send(frame if attempt else carrier.preamble + frame)
             answer = self._await_answer(request_id)
             if answer is not None:
-                if answer.result != RESULT["OK"]:
-                    reason = RESULT_NAME.get(answer.result, str(answer.result))
-                    raise LinkError(f"{self._link.name}: the board refuses {opcode} ({reason})")
                 return answer
         raise LinkError(
             f"{self._link.name}: no answer to {opcode} after {TRIES} tries; "
@@ -163,6 +179,37 @@ class BoardClient:
             )
         names = (field.name for field in fields(BoardInfo))
         return BoardInfo(**{name: self.request("INFO", ITEM[name.upper()]).value for name in names})
+
+    def settings(self) -> dict[str, int]:
+        """What the board keeps without power, by name; empty where its firmware knows no settings.
+
+        Raises:
+            LinkError: no answer.
+        """
+        found = {}
+        for name in SETTINGS:
+            answer = self._ask("GET", ITEM[name], 0)
+            if answer.result == RESULT["OK"]:
+                found[name.lower()] = answer.value
+        return found
+
+    def identity(self) -> Identity:
+        """Which board answers, and since which boot.
+
+        Raises:
+            LinkError: no answer.
+        """
+        uid = tuple(self.request("INFO", ITEM[f"UID_{n}"]).value for n in range(3))
+        boot_id, cause = (self.request("INFO", ITEM[name]).value for name in ("BOOT_ID", "RESET_CAUSE"))
+        return Identity((uid[0], uid[1], uid[2]), boot_id, cause)
+
+    def streaming(self) -> bool:
+        """Whether the board says that it streams.
+
+        Raises:
+            LinkError: no answer.
+        """
+        return self.status().state == choices("STATUS_HEALTH", "state")["STREAMING"]
 
     def start(self) -> Response:
         """Start streaming; the answer's value is the index of the first sample."""

@@ -56,6 +56,17 @@ class SerialLink:
             port.set_low_latency_mode(True)  # USB adapters hold bytes back for 16 ms otherwise
         return cls(port, url)
 
+    def set_baud(self, baud: int) -> None:
+        """Change the speed of the line; without effect where there is no line (sockets, terminals).
+
+        Raises:
+            LinkError: the port does not know that speed, or is gone.
+        """
+        try:
+            self._port.baudrate = baud
+        except (OSError, ValueError) as error:
+            raise LinkError(f"{self.name}: the port does not take {baud} baud ({error})") from error
+
     def send(self, data: bytes) -> Chunk:
         """Write everything; the stamp is taken just before.
 

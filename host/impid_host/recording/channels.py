@@ -1,8 +1,8 @@
 """What a recording contains: topics, their JSON schemas, and the names of its metadata.
 
 Every channel is JSON with its schema embedded, so Foxglove, PlotJuggler and the bare `mcap` library read it.
-The raw bytes (`/wire/rx`, `/wire/tx`) are the truth; samples and statuses are there for looking, and a reader
-of this package decodes the raw bytes anew.
+The raw bytes (`/wire/rx`, `/wire/tx`; on CAN `/can/rx`, `/can/tx`) are the truth; samples and statuses are
+there for looking, and a reader of this package decodes the raw bytes anew.
 """
 
 import json
@@ -14,6 +14,8 @@ from impid_host.wire.records import BoardStatus
 PROFILE = "impid-recording/1"
 METADATA_HOST = "impid.host"
 METADATA_BOARD = "impid.board"
+METADATA_SETTINGS = "impid.settings"
+METADATA_CALIBRATION = "impid.calibration"
 METADATA_SUMMARY = "impid.summary"
 
 
@@ -44,6 +46,17 @@ _WIRE = {
 }
 RX = Topic("/wire/rx", "impid.WireBytes", _WIRE)
 TX = Topic("/wire/tx", "impid.WireBytes", _WIRE)
+_FRAMES = _WIRE | {
+    "data": {
+        "type": "string",
+        "contentEncoding": "base64",
+        "description": "CAN frames, 24 bytes each, little-endian: u64 monotonic_ns, u32 identifier (bit 31 "
+        "extended, 30 remote, 29 error), u8 dlc, 3 zero bytes, 8 data bytes",
+    }
+}
+CAN_RX = Topic("/can/rx", "impid.CanFrames", _FRAMES)
+CAN_TX = Topic("/can/tx", "impid.CanFrames", _FRAMES)
+WIRES = {"serial": (RX, TX), "can": (CAN_RX, CAN_TX)}  # carrier -> received, sent
 SAMPLES = Topic(
     "/samples",
     "impid.Sample",
@@ -72,14 +85,15 @@ CLOCK = Topic(
         "t4_ns": {"type": "integer", "description": "answer received, host monotonic clock"},
     },
 )
+EVENT_NAMES = "start, stop, loss, run, boot, disconnected, reconnected, wall-clock-set, mark"
 EVENTS = Topic(
     "/events",
     "impid.Event",
     {
-        "event": {"type": "string", "description": "start, stop, loss, run, disconnected"},
+        "event": {"type": "string", "description": EVENT_NAMES},
         "monotonic_ns": {"type": "integer"},
         "wall_ns": {"type": "integer"},
         "detail": {"type": "object"},
     },
 )
-ALL = (RX, TX, SAMPLES, STATUS, CLOCK, EVENTS)
+DECODED = (SAMPLES, STATUS, CLOCK, EVENTS)

@@ -80,6 +80,8 @@ class _Rate:
 
 def _state(progress: Progress, rate_hz: float) -> str:
     counts = progress.counts
+    if not progress.connected:
+        return f"{progress.elapsed_s:.1f} s  the board is gone, waiting for it"
     damaged = f", {counts.bad_frames} damaged frames" if counts.bad_frames else ""
     clock = "?" if progress.clock is None else f"±{progress.clock.offset_interval_us:.0f} us"
     return f"{progress.elapsed_s:.1f} s  {rate_hz:.0f}/s  {counts.lost} lost{damaged}  clock {clock}"

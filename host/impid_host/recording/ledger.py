@@ -4,7 +4,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 from impid_host.wire.messages import OPCODE, RESULT
-from impid_host.wire.records import BoardStatus, Loss, Response, Segment
+from impid_host.wire.records import BoardStatus, Loss, NewRun, Response, Segment
 
 _MASK32 = 0xFFFFFFFF
 
@@ -49,12 +49,14 @@ class RunLedger:
 
 def balance(
     segments: Iterable[Segment],
-    losses: Iterable[Loss],
+    events: Iterable[Loss | NewRun],
     statuses: Iterable[BoardStatus],
     responses: Iterable[Response],
 ) -> tuple[RunLedger, ...]:
     """The ledger of every run, from what the wire brought."""
-    segments, losses = list(segments), list(losses)
+    segments, events = list(segments), list(events)
+    losses = [event for event in events if isinstance(event, Loss)]
+    named = {event.run: event.start_index for event in events if isinstance(event, NewRun)}
     statuses, responses = list(statuses), list(responses)
     ledgers = []
     for segment in segments:
@@ -63,7 +65,9 @@ def balance(
             int(s.samples.t_us[0]) for s in segments if s.boot_id == segment.boot_id and s.run > segment.run
         ]
         until_us = min(later, default=1 << 64)
-        start = _start_of(responses, segment.boot_id, first_us)
+        start = named.get(segment.run)
+        if start is None:
+            start = _start_of(responses, segment.boot_id, first_us)
         last_index = int(segment.index[-1])
         told = [
             count
@@ -78,7 +82,7 @@ def balance(
                 boot_id=segment.boot_id,
                 run=segment.run,
                 stored=len(segment),
-                lost_before=None if start is None else _ahead(int(segment.index[0]), start.value),
+                lost_before=None if start is None else _ahead(int(segment.index[0]), start),
                 lost_inside=sum(loss.lost for loss in losses if loss.run == segment.run),
                 lost_after=None if last is None else _ahead(last.next_index, last_index + 1),
                 produced=None if last is None else last.produced,
@@ -108,11 +112,11 @@ def _counts_told(statuses: list[BoardStatus], responses: list[Response]) -> list
     return sorted(told, key=lambda count: count.t_us)
 
 
-def _start_of(responses: list[Response], boot_id: int, first_us: int) -> Response | None:
-    """The answer to the START that opened a run; its value is the index of the first sample."""
+def _start_of(responses: list[Response], boot_id: int, first_us: int) -> int | None:
+    """The index of a run's first sample, as the answer to its START named it."""
     accepted = (r for r in responses if r.opcode == OPCODE["START"] and r.result == RESULT["OK"])
     found = [r for r in accepted if r.boot_id == boot_id and r.t_us <= first_us + _START_SLACK_US]
-    return found[-1] if found else None
+    return found[-1].value if found else None
 
 
 # The answer may have had to be repeated while samples came already.

@@ -12,9 +12,10 @@ from impid_host.clock.device import ClockExchange
 from impid_host.recording import channels
 from impid_host.recording.ledger import RunLedger, balance
 from impid_host.recording.records import read_records
-from impid_host.wire.decoder import LinkCounts, SerialDecoder
+from impid_host.wire.carrier import CAN, SERIAL, Carrier
+from impid_host.wire.decoder import LinkCounts
 from impid_host.wire.messages import SAMPLE_PERIOD_US
-from impid_host.wire.records import BoardStatus, Loss, Response, Segment, join_segments
+from impid_host.wire.records import BoardStatus, Response, Segment, join_segments
 
 _PIECE_BYTES = 1 << 20
 
@@ -35,6 +36,7 @@ class Recording:
 
     Attributes:
         path: the file.
+        carrier: "serial" or "can".
         metadata: name -> key -> value, as the file has them (host, board, summary).
         segments: samples of each run, decoded from the raw bytes; time is never spliced across them.
         statuses, responses: what the board said.
@@ -46,6 +48,7 @@ class Recording:
     """
 
     path: Path
+    carrier: str
     metadata: dict[str, dict[str, str]]
     segments: tuple[Segment, ...]
     statuses: tuple[BoardStatus, ...]
@@ -86,6 +89,7 @@ class _Contents:
 
     path: Path
     metadata: dict[str, dict[str, str]] = field(default_factory=dict)
+    carrier: Carrier = SERIAL
     raw: bytearray = field(default_factory=bytearray)
     exchanges: dict[int, list[ClockExchange]] = field(default_factory=dict)
     events: list[RecordedEvent] = field(default_factory=list)
@@ -107,6 +111,9 @@ class _Contents:
     def _take_message(self, topic: str | None, data: bytes) -> None:
         if topic == channels.RX.name:
             self.raw += base64.b64decode(json.loads(data)["data"], validate=True)
+        elif topic == channels.CAN_RX.name:
+            self.carrier = CAN
+            self.raw += base64.b64decode(json.loads(data)["data"], validate=True)
         elif topic == channels.CLOCK.name:
             body = json.loads(data)
             exchange = ClockExchange(*(int(body[key]) for key in ("t1_ns", "t2_us", "t3_us", "t4_ns")))
@@ -120,12 +127,13 @@ class _Contents:
             )
 
     def decode(self) -> Recording:
-        decoder, raw = SerialDecoder(), bytes(self.raw)
-        parts = [decoder.feed(raw[at : at + _PIECE_BYTES]) for at in range(0, len(raw), _PIECE_BYTES)]
+        decoder, raw = self.carrier.decoder(), bytes(self.raw)
+        piece = _PIECE_BYTES // self.carrier.piece_bytes * self.carrier.piece_bytes
+        parts = [decoder.feed(raw[at : at + piece]) for at in range(0, len(raw), piece)]
         segments = join_segments([segment for part in parts for segment in part.segments])
         statuses = tuple(status for part in parts for status in part.statuses)
         responses = tuple(response for part in parts for response in part.responses)
-        losses = [event for part in parts for event in part.events if isinstance(event, Loss)]
+        events = [event for part in parts for event in part.events]
         if self.warnings and segments:
             t_us = segments[-1].samples.t_us
             self.warnings.append(
@@ -134,6 +142,7 @@ class _Contents:
             )
         return Recording(
             path=self.path,
+            carrier=self.carrier.name,
             metadata=self.metadata,
             segments=segments,
             statuses=statuses,
@@ -141,6 +150,6 @@ class _Contents:
             exchanges=self.exchanges,
             events=tuple(self.events),
             counts=decoder.counts,
-            ledgers=balance(segments, losses, statuses, responses),
+            ledgers=balance(segments, events, statuses, responses),
             warnings=tuple(self.warnings),
         )

@@ -1,16 +1,21 @@
-"""One recording session: start the board, store what it sends until enough is there, balance the books."""
+"""One recording session: start the board, store what it sends until enough is there, balance the books.
+
+A board that is reset goes on in a run of its own. A link that breaks is opened again; what the board took
+meanwhile is counted as lost by the index. Nothing is ever joined across either.
+"""
 
 import time
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import asdict, dataclass
 from math import inf
-from typing import Literal
+from typing import Any, Literal, Protocol
 
 from impid_host.clock.device import EXCHANGE_RATE_HZ, ClockEstimate, ClockExchange, OnlineClock
 from impid_host.errors import InputError, LinkError
 from impid_host.link.client import BoardClient
 from impid_host.link.link import Chunk
+from impid_host.recording.watch import BoardWatch, WallClockWatch
 from impid_host.recording.writer import RecordingWriter
 from impid_host.wire.decoder import LinkCounts
 from impid_host.wire.messages import SAMPLE_PERIOD_US
@@ -19,8 +24,9 @@ from impid_host.wire.records import BoardStatus, Decoded, Loss
 _PUMP_S = 0.02
 _REPORT_S = 0.2
 _DRAIN_S = 0.5
-# STATUS frames come at 10 Hz even from an idle board: a silence this long means that it is gone.
-_SILENCE_S = 3.0
+# STATUS frames come at 10 Hz even from an idle board: a silence this long means that the link is dead.
+_SILENCE_S = 1.0
+_RETRY_S = 0.1
 
 Ending = Literal["complete", "interrupted", "disconnected", "disk-full"]
 
@@ -30,14 +36,16 @@ class Progress:
     """Where the recording stands.
 
     Attributes:
-        elapsed_s: board time from the first sample to the last, lost ones included.
+        elapsed_s: board time from the first sample to the last of each run, lost ones included.
         counts: frames and samples so far.
-        clock: the clock as known now, or None in the first moments.
+        clock: the clock as known now, or None while it is not determined.
+        connected: whether the board can be reached.
     """
 
     elapsed_s: float
     counts: LinkCounts
     clock: ClockEstimate | None
+    connected: bool = True
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,19 +60,51 @@ class Outcome:
     trouble: str = ""
 
 
-class Recorder:
-    """Stores everything that passes over a client's link; the client's listener."""
+class Onlooker(Protocol):
+    """Who may look at the decoded stream while it is stored, and must not hold it up."""
 
-    def __init__(self, client: BoardClient, writer: RecordingWriter, *, nominal_rate: float = 1.0) -> None:
+    def see(self, decoded: Decoded) -> None:
+        """What a chunk completed."""
+
+
+class Recorder:
+    """Stores everything that passes over a client's link; the client's listener.
+
+    Args:
+        client: over an open link.
+        writer: the file.
+        nominal_rate: board seconds in a host second.
+        reopen: opens the client's link again and hands it to the client; None: a broken link is the end.
+        patience_s: how long a board that is gone is waited for.
+        onlooker: sees what is stored.
+    """
+
+    def __init__(
+        self,
+        client: BoardClient,
+        writer: RecordingWriter,
+        *,
+        nominal_rate: float = 1.0,
+        reopen: Callable[[], None] | None = None,
+        patience_s: float = 0.0,
+        onlooker: Onlooker | None = None,
+    ) -> None:
         self._client = client
         self._writer = writer
         self._nominal_rate = nominal_rate
+        self._reopen = reopen
+        self._patience_s = patience_s if reopen is not None else 0.0
+        self._onlooker = onlooker
+        self._board = BoardWatch()
+        self._wall = WallClockWatch()
         self._clock = OnlineClock(nominal_rate)
         self._clock_boot: int | None = None
         self._exchanges: list[ClockExchange] = []
+        self._unplaced: list[tuple[ClockExchange, int]] = []  # of a boot that no sample has confirmed yet
         self._span_us: dict[int, tuple[int, int]] = {}  # run -> first and last sample
         self._heard_s = time.monotonic()
         self._next_index = 0
+        self._connected = True
         client.listener = self
 
     def run(
@@ -74,26 +114,26 @@ class Recorder:
         stopped: Callable[[], bool] = lambda: False,
         report: Callable[[Progress], None] = lambda _: None,
     ) -> Outcome:
-        """Record until the samples span duration_s of board time, `stopped` says so, or the board is gone.
+        """Record until the samples span duration_s of board time, `stopped` says so, or the board stays away.
 
-        With a duration of inf it is complete whenever it is stopped.
-
-        The board is stopped in any case but the last, also when the disk is full.
+        With a duration of inf it is complete whenever it is stopped. The board is stopped if it can be
+        reached, also when the disk is full.
 
         Raises:
             LinkError: the board does not start.
         """
         self._client.stop()
-        started = self._client.start()
-        self._writer.event("start", boot_id=started.boot_id, first_index=started.value)
+        self._start()
         trouble, status = "", None
         try:
             done = self._stream(duration_s, stopped, report)
             ending: Ending = "complete" if done or duration_s == inf else "interrupted"
-            status = self._finish()
+            if self._connected:
+                status = self._finish()
         except LinkError as error:
             ending, trouble = "disconnected", str(error)
-            self._writer.event("disconnected", reason=trouble)
+            if self._connected:
+                self.note("disconnected", reason=trouble)
         except InputError as error:
             ending, trouble = "disk-full", str(error)
             self._client.mute()
@@ -103,33 +143,51 @@ class Recorder:
         report(progress)
         return Outcome(ending, progress, tuple(self._exchanges), status, trouble)
 
+    def note(self, event: str, **detail: Any) -> None:
+        """Write an event into the recording."""
+        self._writer.event(event, **detail)
+
     def received(self, chunk: Chunk, decoded: Decoded) -> None:
         """Store a chunk and what it completed."""
+        self._heard_s = time.monotonic()
         self._writer.received(chunk)
+        jump_s = self._wall.jump_s(chunk)
+        if jump_s is not None:
+            self.note("wall-clock-set", by_s=jump_s)
         for segment in decoded.segments:
             self._writer.samples(segment, chunk.monotonic_ns)
             t_us = segment.samples.t_us
             first, _ = self._span_us.get(segment.run, (int(t_us[0]), 0))
             self._span_us[segment.run] = (first, int(t_us[-1]))
             self._next_index = int(segment.samples.seq[-1]) + 1
+            self._place_exchanges(segment.boot_id)
         for status in decoded.statuses:
             self._writer.status(status, chunk.monotonic_ns)
+            self._board.see(status)
         for event in decoded.events:
-            self._writer.event("loss" if isinstance(event, Loss) else "run", **asdict(event))
-        self._heard_s = time.monotonic()
+            self.note("loss" if isinstance(event, Loss) else "run", **asdict(event))
+        if self._onlooker is not None:
+            self._onlooker.see(decoded)
 
     def sent(self, chunk: Chunk) -> None:
         """Store what went out."""
         self._writer.sent(chunk)
 
     def exchanged(self, exchange: ClockExchange, boot_id: int) -> None:
-        """Store a clock exchange, and take it into the running estimate."""
-        self._writer.exchange(exchange, boot_id)
-        if boot_id != self._clock_boot:
-            self._clock, self._clock_boot = OnlineClock(self._nominal_rate), boot_id
-            self._exchanges.clear()
-        self._clock.add(exchange)
-        self._exchanges.append(exchange)
+        """Keep a clock exchange until a sample tells its boot: on CAN the answer itself does not."""
+        self._unplaced.append((exchange, boot_id))
+
+    def _place_exchanges(self, sample_boot: int) -> None:
+        for exchange, boot_id in self._unplaced:
+            if boot_id != sample_boot:
+                continue
+            self._writer.exchange(exchange, boot_id)
+            if boot_id != self._clock_boot:
+                self._clock, self._clock_boot = OnlineClock(self._nominal_rate), boot_id
+                self._exchanges.clear()
+            self._clock.add(exchange)
+            self._exchanges.append(exchange)
+        self._unplaced.clear()
 
     def _stream(
         self, duration_s: float, stopped: Callable[[], bool], report: Callable[[Progress], None]
@@ -139,18 +197,84 @@ class Recorder:
         while self._elapsed_s() < duration_s:
             if stopped():
                 return False
-            self._client.pump(_PUMP_S)
-            self._writer.flush_when_due()
             now = time.monotonic()
-            if now >= ping_s:
-                self._client.ping()
-                ping_s = max(ping_s + 1 / EXCHANGE_RATE_HZ, now)
             if now >= report_s:
                 report(self._progress())
                 report_s = now + _REPORT_S
-            if now - self._heard_s > _SILENCE_S:
-                raise LinkError(f"nothing heard from the board for {_SILENCE_S:.0f} s; check cable and power")
+            try:
+                if now >= ping_s:
+                    self._client.ping()
+                    ping_s = max(ping_s + 1 / EXCHANGE_RATE_HZ, now)
+                self._client.pump(_PUMP_S)
+                if self._board.must_be_started:
+                    self._start_again()
+                self._check_silence()
+            except LinkError as error:
+                if not self._reconnect(error, stopped, report):
+                    return False
+            self._writer.flush_when_due()
         return True
+
+    def _check_silence(self) -> None:
+        if time.monotonic() - self._heard_s > _SILENCE_S / min(1.0, self._nominal_rate):
+            raise LinkError(
+                f"{self._client.name}: nothing heard from the board for {_SILENCE_S:.0f} s; "
+                "check cable and power"
+            )
+
+    def _start(self) -> None:
+        started = self._client.start()
+        self._board.started()
+        self.note("start", boot_id=started.boot_id, first_index=started.value)
+
+    def _start_again(self) -> None:
+        """The board says that it does not stream: it has been reset, or somebody has stopped it."""
+        now = self._client.identity()
+        before = self._board.identity
+        if before is not None and now.uid != before.uid:
+            raise LinkError(f"{self._client.name}: another board answers; connect the one that was recorded")
+        if before is not None and now.boot_id != before.boot_id:
+            self.note("boot", before=before.boot_id, boot_id=now.boot_id, reset_cause=now.reset_cause)
+        self._board.identity = now
+        self._start()
+
+    def _reconnect(
+        self, error: LinkError, stopped: Callable[[], bool], report: Callable[[Progress], None]
+    ) -> bool:
+        """Open the link again and see to it that the board streams; False when stopped meanwhile.
+
+        Raises:
+            LinkError: the board did not come back in time.
+        """
+        began = time.monotonic()
+        self.note("disconnected", reason=str(error))
+        self._connected = False
+        while time.monotonic() - began < self._patience_s:
+            report(self._progress())
+            self._writer.flush_when_due()
+            if stopped():
+                return False
+            try:
+                assert self._reopen is not None
+                self._reopen()
+                now = self._client.identity()
+                if now != self._board.identity or not self._client.streaming():
+                    self._start_again()
+            except LinkError:
+                time.sleep(_RETRY_S)
+                continue
+            self._connected, self._heard_s = True, time.monotonic()
+            self.note("reconnected", boot_id=now.boot_id, after_s=round(self._heard_s - began, 3))
+            return True
+        raise error
+
+    def identify(self) -> None:
+        """Learn which board this is, so that no other is ever taken for it.
+
+        Raises:
+            LinkError: no answer.
+        """
+        self._board.identity = self._client.identity()
 
     def _finish(self) -> BoardStatus:
         """Stop the board, take what is still on its way, and its last status."""
@@ -160,11 +284,11 @@ class Recorder:
             self._client.pump(_PUMP_S)
             self._writer.flush_when_due()
         status = self._client.status()
-        self._writer.event("stop", boot_id=stopped.boot_id, produced=stopped.value)
+        self.note("stop", boot_id=stopped.boot_id, produced=stopped.value)
         return status
 
     def _elapsed_s(self) -> float:
         return sum(last - first + SAMPLE_PERIOD_US for first, last in self._span_us.values()) * 1e-6
 
     def _progress(self) -> Progress:
-        return Progress(self._elapsed_s(), self._client.counts, self._clock.estimate())
+        return Progress(self._elapsed_s(), self._client.counts, self._clock.estimate(), self._connected)

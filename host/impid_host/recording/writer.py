@@ -36,10 +36,12 @@ class RecordingWriter:
     """An open recording; `close` it whatever happens.
 
     `nominal_rate` is the number of board seconds in a host second (1, or the speed of a simulated board); it
-    only spaces the plot times of the samples.
+    only spaces the plot times of the samples. `carrier` is "serial" or "can".
     """
 
-    def __init__(self, file: Appender, metadata: Metadata, *, nominal_rate: float = 1.0) -> None:
+    def __init__(
+        self, file: Appender, metadata: Metadata, *, nominal_rate: float = 1.0, carrier: str = "serial"
+    ) -> None:
         self.path = file.path
         self._file = file
         self._nominal_rate = nominal_rate
@@ -52,7 +54,8 @@ class RecordingWriter:
             self._mcap.add_metadata(name, dict(values))
         schemas: dict[str, int] = {}
         self._channel: dict[str, int] = {}
-        for topic in channels.ALL:
+        self._rx, self._tx = channels.WIRES[carrier]
+        for topic in (self._rx, self._tx, *channels.DECODED):
             if topic.schema not in schemas:
                 schemas[topic.schema] = self._mcap.register_schema(
                     topic.schema, "jsonschema", topic.schema_json()
@@ -62,21 +65,23 @@ class RecordingWriter:
         _sync_folder(self.path)
 
     @classmethod
-    def create(cls, path: Path, metadata: Metadata, *, nominal_rate: float = 1.0) -> Self:
+    def create(
+        cls, path: Path, metadata: Metadata, *, nominal_rate: float = 1.0, carrier: str = "serial"
+    ) -> Self:
         """Start a new recording file.
 
         Raises:
             InputError: it exists already, or it cannot be made or written on.
         """
-        return cls(Appender.create(path), metadata, nominal_rate=nominal_rate)
+        return cls(Appender.create(path), metadata, nominal_rate=nominal_rate, carrier=carrier)
 
     def received(self, chunk: Chunk) -> None:
         """Bytes that came in."""
-        self._wire(channels.RX, chunk)
+        self._wire(self._rx, chunk)
 
     def sent(self, chunk: Chunk) -> None:
         """Bytes that went out."""
-        self._wire(channels.TX, chunk)
+        self._wire(self._tx, chunk)
 
     def samples(self, segment: Segment, received_ns: int) -> None:
         """Decoded samples, one message each, that the chunk of monotonic time `received_ns` completed.
@@ -109,7 +114,7 @@ class RecordingWriter:
         self._json(channels.CLOCK, exchange.t4_ns, {"boot_id": boot_id, **asdict(exchange)})
 
     def event(self, name: str, **detail: Any) -> None:
-        """Something that happened: start, stop, loss, run, disconnected."""
+        """Something that happened, see `channels.EVENT_NAMES`."""
         now = Chunk.now(b"")
         body = {"event": name, "monotonic_ns": now.monotonic_ns, "wall_ns": now.wall_ns, "detail": detail}
         self._json(channels.EVENTS, now.monotonic_ns, body)

@@ -152,7 +152,7 @@ def test_a_full_disk_ends_it_with_what_was_recorded(board, out: Path) -> None:
 
 
 def test_the_cable_is_pulled(board, out: Path) -> None:
-    done = start("--port", board.port, "--duration", "60", "--out", out)
+    done = start("--port", board.port, "--duration", "60", "--reconnect", "0", "--out", out)
     await_growth(out, 20_000)
     board.close()
     said, complained = done.communicate(timeout=20)
@@ -178,7 +178,7 @@ def test_wrong_input_is_one_clear_line(tmp_path: Path, silent_port: str) -> None
     (tmp_path / "there.mcap").write_bytes(b"x")
     cases = [
         (["--port", "/dev/no-such", "--out", tmp_path / "a.mcap"], "no such port"),
-        (["--port", silent_port, "--out", tmp_path / "a.mcap"], "no answer to INFO"),
+        (["--port", silent_port, "--out", tmp_path / "a.mcap"], "no answer from a board at any of the speeds 921600"),
         (["--port", silent_port, "--out", tmp_path / "there.mcap"], "exists already"),
         (["--port", silent_port, "--out", tmp_path / "no" / "a.mcap"], "mkdir -p"),
     ]
@@ -196,8 +196,8 @@ def test_wrong_input_is_one_clear_line(tmp_path: Path, silent_port: str) -> None
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["--out", "a.mcap"], "either --port or --sim"),
-        (["--port", "x", "--sim", "y", "--out", "a.mcap"], "either --port or --sim"),
+        (["--out", "a.mcap"], "either --port, --can or --sim"),
+        (["--port", "x", "--sim", "y", "--out", "a.mcap"], "either --port, --can or --sim"),
         (["--port", "x", "--speed", "2", "--out", "a.mcap"], "for --sim only"),
         (["--port", "x", "--duration", "-1", "--out", "a.mcap"], "-1"),
         (["--port", "x"], "--out"),

@@ -1,0 +1,43 @@
+"""Where the board is, as the user says it, and how to get there as often as it takes."""
+
+from dataclasses import dataclass
+
+from impid_host.errors import LinkError
+from impid_host.link.can_bus import CanLink
+from impid_host.link.discovery import find_baud, find_port
+from impid_host.link.link import Link
+from impid_host.link.port import SerialLink
+from impid_host.wire.messages import SERIAL_BAUD
+
+AUTO = "auto"
+
+
+@dataclass(slots=True)
+class Address:
+    """A serial port (device, socket://host:port, or "auto") or a CAN bus (INTERFACE:CHANNEL[@BITRATE]).
+
+    `baud` None: the speed is found at the first opening and kept.
+    """
+
+    port: str | None = None
+    can: str | None = None
+    baud: int | None = None
+
+    def open(self) -> Link:
+        """Open it.
+
+        Raises:
+            LinkError: it cannot be found or opened.
+        """
+        if self.can is not None:
+            return CanLink.open(self.can)
+        # Looked for each time: after a cable was out, the system may give the board another name.
+        port = find_port() if self.port in (None, AUTO) else str(self.port)
+        link = SerialLink.open(port, self.baud or SERIAL_BAUD)
+        if self.baud is None:
+            try:
+                self.baud = find_baud(link)
+            except LinkError:
+                link.close()
+                raise
+        return link
