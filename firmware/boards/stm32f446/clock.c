@@ -20,7 +20,8 @@ static bool external_clock_runs(void) {
             return true;
         }
     }
-    RCC->CR &= ~(RCC_CR_HSEON | RCC_CR_HSEBYP);
+    RCC->CR &= ~RCC_CR_HSEON;
+    RCC->CR &= ~RCC_CR_HSEBYP; /* writable only once HSE is off (RM0390 6.3.1) */
     return false;
 }
 

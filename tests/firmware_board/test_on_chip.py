@@ -1,0 +1,159 @@
+"""The shipping ELF on the emulated chip: what it keeps over resets, and how it comes back from trouble."""
+
+import struct
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+from impid_host.wire.decoder import SerialDecoder
+from impid_host.wire.frame import encode_command
+from impid_host.wire.records import BoardStatus, Response
+
+from hil_sim.board import layout
+from hil_sim.board.elf.board import ElfBoard
+
+ROOT = Path(__file__).resolve().parents[2]
+ELF = ROOT / ".pio" / "build" / "nucleo_f446re" / "program.elf"
+STALLED, SYNC_EDGE = 0x08, 0x02
+
+
+@pytest.fixture(scope="module", autouse=True)
+def built() -> None:
+    subprocess.run(["scripts/pio.sh", "run", "--silent", "-e", "nucleo_f446re"], cwd=ROOT, check=True)
+
+
+def code(signal: str, name: str, message: str = "COMMAND") -> int:
+    return layout.code(message, signal, name)
+
+
+class Bench:
+    """A board on the emulator with a host's half of the conversation."""
+
+    def __init__(self, *, hse_present: bool = True) -> None:
+        self.board = ElfBoard(ELF, hse_present=hse_present)
+        self.request_id = 0
+
+    def run(self, ticks: int, faults: np.ndarray | None = None) -> None:
+        quiet = np.full((ticks, 8, 2), 2048, np.uint16)
+        self.board.run(quiet, np.zeros((ticks, 2), np.int32), faults)
+
+    def ask(self, opcode: str, item: str | int = 0, value: int = 0) -> Response:
+        self.request_id += 1
+        number = code("item", item) if isinstance(item, str) else item
+        frame = encode_command(self.request_id, code("opcode", opcode), number, value)
+        self.board.serial_receive(frame, self.board.now_us + 50)
+        self.run(10)
+        answers = SerialDecoder().feed(self.board.serial_take()).responses
+        (answer,) = [answer for answer in answers if answer.request_id == self.request_id]
+        return answer
+
+    def value(self, opcode: str, item: str | int = 0, value: int = 0) -> int:
+        answer = self.ask(opcode, item, value)
+        assert answer.result == code("result", "OK", "RESPONSE"), (opcode, item, answer)
+        return int(answer.value)
+
+    def status(self) -> BoardStatus:
+        self.run(110)
+        return SerialDecoder().feed(self.board.serial_take()).statuses[-1]
+
+    def reset(self) -> None:
+        """By command, and boot again."""
+        self.request_id += 1
+        frame = encode_command(self.request_id, code("opcode", "RESET"), 0, 0)
+        self.board.serial_receive(frame, self.board.now_us + 50)
+        self.run(40)
+        self.reboot()
+
+    def reboot(self) -> None:
+        assert self.board.reset_requested
+        self.board.serial_take()
+        self.board.reboot()
+
+
+def test_settings_saved_outlive_a_reset_and_others_do_not() -> None:
+    bench = Bench()
+    assert bench.value("GET", "BOOT_COUNT") == 1, "the first boot of an erased chip"
+    assert bench.value("SET", "CAN_KBPS", 500) == 500
+    bench.value("SET", "ACCEL_X_ZERO", 32123)
+    bench.value("SAVE")
+    bench.value("SET", "ACCEL_X_ZERO", 5)
+    assert bench.ask("SET", "CAN_KBPS", 123).result == code("result", "BAD_VALUE", "RESPONSE")
+    bench.reset()
+    assert bench.value("GET", "CAN_KBPS") == 500
+    assert bench.value("GET", "ACCEL_X_ZERO") == 32123
+    assert bench.value("INFO", "BOOT_ID") == bench.value("GET", "BOOT_COUNT") == 2
+    assert bench.value("INFO", "RESET_CAUSE") == code("reset_cause", "SOFTWARE", "STATUS_HEALTH")
+
+
+def test_the_bit_rate_saved_is_that_of_the_bus_after_the_reset() -> None:
+    bench = Bench()
+    # RM0390, bxCAN bit timing: f = 45 MHz / prescaler / (1 + TS1 + TS2).
+    for kilobits in (1000, 500, 250):
+        bench.value("SET", "CAN_KBPS", kilobits)
+        bench.value("SAVE")
+        bench.reset()
+        bench.run(5)
+        timing = bench.board.soc.can1.value["BTR"]
+        quanta = 1 + ((timing >> 16 & 15) + 1) + ((timing >> 20 & 7) + 1)
+        assert 45_000_000 / ((timing & 1023) + 1) / quanta == kilobits * 1000
+
+
+def test_without_the_external_clock_it_runs_on_the_internal_one_and_says_so() -> None:
+    bench = Bench(hse_present=False)
+    assert bench.value("INFO", "CLOCK_SOURCE") == code("clock_source", "HSI", "STATUS_HEALTH")
+    status = bench.status()
+    assert (status.late, status.overruns) == (0, 0)
+
+
+def test_a_clock_that_dies_is_recorded_and_the_next_boot_does_without_it() -> None:
+    bench = Bench()
+    assert bench.value("INFO", "CLOCK_SOURCE") == code("clock_source", "HSE", "STATUS_HEALTH")
+    assert bench.value("LOG", "FAULT_COUNT") == 0
+    bench.board.soc.rcc.lose_hse()
+    bench.run(2)
+    bench.reboot()
+    assert bench.value("INFO", "RESET_CAUSE") == code("reset_cause", "FAULT", "STATUS_HEALTH")
+    assert bench.value("INFO", "CLOCK_SOURCE") == code("clock_source", "HSI", "STATUS_HEALTH")
+    assert (bench.value("LOG", "FAULT_COUNT"), bench.value("LOG", "FAULT_KIND")) == (1, 2)
+    bench.reset()
+    assert bench.value("INFO", "RESET_CAUSE") == code("reset_cause", "SOFTWARE", "STATUS_HEALTH")
+    assert bench.value("LOG", "FAULT_COUNT") == 1, "the record stays readable"
+
+
+def test_a_main_loop_that_hangs_is_reset_by_the_watchdog() -> None:
+    bench = Bench()
+    # Nominal 32 kHz: 2000 counts of 1 ms.
+    bench.run(1900, np.full(1900, STALLED, np.uint8))
+    assert not bench.board.reset_requested
+    bench.run(300, np.full(300, STALLED, np.uint8))
+    bench.board.soc.thread_held = False
+    bench.reboot()
+    bench.run(5)
+    assert bench.value("INFO", "RESET_CAUSE") == code("reset_cause", "WATCHDOG", "STATUS_HEALTH")
+
+
+def test_a_sync_edge_flags_the_sample_of_its_own_millisecond() -> None:
+    bench = Bench()
+    bench.value("START")
+    bench.board.serial_take()
+    faults = np.zeros(40, np.uint8)
+    faults[[7, 23]] = SYNC_EDGE
+    bench.run(40, faults)
+    bench.run(10)
+    (segment,) = SerialDecoder().feed(bench.board.serial_take()).segments
+    flagged = np.flatnonzero(segment.samples.flags & 0x10)
+    assert np.diff(flagged).tolist() == [16]
+
+
+def test_the_tick_is_far_below_a_quarter_of_its_period() -> None:
+    bench = Bench()
+    bench.value("START")
+    bench.run(200)
+    assert 0 < bench.status().worst_tick_us < 250
+
+
+def test_the_unique_identity_is_that_of_the_chip() -> None:
+    bench = Bench()
+    identity = struct.pack("<3I", *(bench.value("INFO", f"UID_{i}") for i in range(3)))
+    assert identity == struct.pack("<3I", 0x00320044, 0x31385109, 0x38303634)
