@@ -1,1 +1,1 @@
-"""What lies between the board's line and the host: a pseudo-terminal, and whatever else speaks `Carrier`."""
+"""What lies between the board and the host: serial lines (`Carrier`) and CAN buses (`CanCarrier`)."""

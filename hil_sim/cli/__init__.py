@@ -11,7 +11,7 @@ from hil_sim.errors import SimError
 COMMANDS = {
     "list": "Scenarios that ship with the simulator, and their trials.",
     "study": "Write a study folder in virtual time.",
-    "serve": "Serve the sensor board of one trial on a pseudo-terminal.",
+    "serve": "Serve the sensor board of one trial in real time.",
     "truth": "Print what a scenario hides.",
 }
 

@@ -11,6 +11,7 @@ import click
 from hil_sim.cli.options import FILE, SCENARIO, SEED
 from hil_sim.scenarios.load import load
 from hil_sim.scenarios.load import trial as find_trial
+from hil_sim.serve.connect import CARRIERS, CarrierName, Connection
 from hil_sim.serve.session import ServeOptions, serve
 
 
@@ -18,17 +19,31 @@ from hil_sim.serve.session import ServeOptions, serve
 @SCENARIO
 @click.option("--trial", metavar="NAME", help="Which trial of the scenario to run. Default: its first.")
 @click.option(
+    "--carrier",
+    type=click.Choice(CARRIERS),
+    default="pty",
+    show_default=True,
+    help="What lies between board and host.",
+)
+@click.option(
+    "--address",
+    metavar="WHERE",
+    help="tcp: HOST:PORT; udp_multicast: GROUP:PORT; socketcan: the interface.",
+)
+@click.option(
     "--speed", type=click.FloatRange(min=0.1), default=1.0, show_default=True, help="Times real time."
 )
 @click.option("--robot-log", type=FILE, help="Where the robot's controller writes its torque log (CSV).")
 @SEED
-@click.option("--link", type=FILE, help="Also make a symbolic link of this name to the terminal.")
+@click.option("--link", type=FILE, help="pty, slcan: also make a symbolic link of this name to the terminal.")
 @click.option("--setup", "setup_file", type=FILE, help="Write the laboratory's setup.toml here.")
 @click.option("--truth", "truth_file", type=FILE, help="Write what is hidden here when the motion starts.")
 @click.option("--until-stdin-closes", is_flag=True, help="End when whoever started this is gone.")
 def command(
     scenario: str,
     trial: str | None,
+    carrier: CarrierName,
+    address: str | None,
     speed: float,
     robot_log: Path | None,
     seed: int,
@@ -37,14 +52,17 @@ def command(
     truth_file: Path | None,
     until_stdin_closes: bool,
 ) -> None:
-    """Serve the sensor board of one trial on a pseudo-terminal.
+    """Serve the sensor board of one trial: on a pseudo-terminal, over TCP, or on a CAN bus.
 
-    Prints one line of JSON when the port is ready and one when the trial is over. The robot rests until the
-    board accepts START. Ends when the trial is over and the port has been closed, or on SIGTERM.
+    Prints one line of JSON when the board can be reached, saying how, one for each fault that begins or
+    ends, one when the trial is over, and one at the end. The robot rests until the board accepts START. Ends
+    when the trial is over and the client has gone, or on SIGTERM.
 
     \b
-    Example:
+    Examples:
       impid-sim serve first-light --trial free_01 --robot-log free_01.csv
+      impid-sim serve first-light --carrier tcp --address 127.0.0.1:4000
+      impid-sim serve first-light --carrier slcan --link /tmp/can-adapter
     """
     loaded = load(scenario)
     if until_stdin_closes:
@@ -55,8 +73,8 @@ def command(
         ServeOptions(
             seed=seed,
             speed=speed,
+            connection=Connection(carrier, address, link),
             robot_log=robot_log,
-            link=link,
             setup_file=setup_file,
             truth_file=truth_file,
         ),

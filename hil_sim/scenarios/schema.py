@@ -4,6 +4,8 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
+from hil_sim.faults.schema import Fault
+
 Positive = Annotated[float, Field(gt=0.0)]
 NotNegative = Annotated[float, Field(ge=0.0)]
 Pair = tuple[float, float]
@@ -188,6 +190,7 @@ class Scenario(_Table):
     world: World
     motion: Motions = Motions()
     trials: Annotated[tuple[Trial, ...], Field(min_length=1)]
+    faults: tuple[Fault, ...] = ()
 
     @model_validator(mode="after")
     def _names_hold_together(self) -> "Scenario":

@@ -24,3 +24,7 @@ class Pace:
         """Seconds on the wall until the board shows board_us; 0 if that is past."""
         due_ns = self._begin_ns + (board_us - self._board_us) / self._factor
         return max(0.0, 1e-9 * (due_ns - time.monotonic_ns()))
+
+    def shift(self, by_us: int) -> None:
+        """From now on the board shows by_us more."""
+        self._board_us += by_us

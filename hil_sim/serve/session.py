@@ -1,41 +1,44 @@
-"""The serving loop: wall clock, client, board and world, kept in step.
+"""The serving loop: wall clock, client, board, world and faults, kept in step.
 
-The robot rests until the board accepts START; a moment later the motion and the robot's log begin. Bytes from
-the client reach the board at the board time of their arrival, because clock synchronisation is measured with
-them.
+The robot rests until the board accepts START; a moment later the motion and the robot's log begin. A frame
+from the client reaches the board at the board time at which its last bit would have come over the wire,
+because clock synchronisation is measured with it.
 """
 
-import json
 import os
 import signal
-import sys
+import time
+from collections import deque
 from dataclasses import dataclass
 from pathlib import Path
 from types import FrameType
-from typing import Any
 
 from hil_sim.board import layout
-from hil_sim.board.native import TICK_US, BoardConfig, NativeBoard
-from hil_sim.board.wire import FrameReader, accepts_start
-from hil_sim.carriers.protocol import Carrier
-from hil_sim.carriers.pty import PtyCarrier
+from hil_sim.board.native import TICK_US, BoardConfig
 from hil_sim.errors import SimError
+from hil_sim.faults.injectors import BOOT_US, Rig
+from hil_sim.faults.readings import FaultyReadings
+from hil_sim.faults.schedule import Schedule
 from hil_sim.scenarios.schema import Scenario, Trial
 from hil_sim.sensors.clock import Clock
+from hil_sim.serve.attachment import CAN_FRAMES_PER_MS, Parcel
+from hil_sim.serve.connect import Connection, connect
+from hil_sim.serve.events import say, warn
+from hil_sim.serve.lag import LagMeter
 from hil_sim.serve.pace import Pace
+from hil_sim.serve.power import PoweredBoard
 from hil_sim.serve.robot_log import LiveRobotLog
+from hil_sim.serve.truth_file import TruthFile
 from hil_sim.study.setup_file import write_setup
 from hil_sim.trials import trial_truth
-from hil_sim.truth import scenario_json
 from hil_sim.world import World
 
 FIRST_US = 1_000_000  # what the board's clock shows when the port is ready
 LEAD_US = 250_000  # from START to the motion
 BLOCK_WALL_S = 4e-3  # the loop's period while nobody writes
-ATTENTION_TICKS = 10  # after a byte from the client: tick by tick, so that answers leave in time
-CATCH_UP_TICKS = 100  # at most so many before the client is served again
-LAG_US = 100_000  # behind by more than this (wall time): say so
-SOFTWARE_RESET = 3  # STATUS_HEALTH.reset_cause
+ATTENTION_TICKS = 10  # after a frame from the client: tick by tick, so that answers leave in time
+CATCH_UP_TICKS = 100  # handed out at once when the machine was busy
+ON_THE_WIRE_US = 100_000  # a client that writes faster than the wire carries has to wait
 
 
 @dataclass(frozen=True)
@@ -44,8 +47,8 @@ class ServeOptions:
 
     seed: int
     speed: float
+    connection: Connection
     robot_log: Path | None
-    link: Path | None
     setup_file: Path | None
     truth_file: Path | None
 
@@ -54,53 +57,75 @@ def serve(scenario: Scenario, trial: Trial, options: ServeOptions) -> None:
     """Serves one trial until it is over and the client has gone, or until SIGTERM or SIGINT.
 
     Raises:
-        SimError: a file cannot be written where it was asked for.
+        SimError: a file cannot be written where it was asked for, or the carrier or a fault of the scenario
+            cannot be had here.
     """
-    carrier = PtyCarrier()
     try:
-        session = _Session(scenario, trial, options, carrier)
-        if options.setup_file is not None:
-            write_setup(scenario, options.setup_file)
-        if options.link is not None:
-            _point(options.link, carrier.address)
-        session.run()
+        session = _Session(scenario, trial, options)
+        try:
+            session.run()
+        finally:
+            session.close()
     except OSError as error:
         if error.filename is None:
             raise
         raise SimError(f"{error.filename}: {error.strerror}; name a place that can be written to") from None
-    finally:
-        if options.link is not None and options.link.is_symlink():
-            options.link.unlink()
-        carrier.close()
 
 
 class _Session:
-    def __init__(self, scenario: Scenario, trial: Trial, options: ServeOptions, carrier: Carrier) -> None:
-        self._scenario, self._trial, self._options, self._carrier = scenario, trial, options, carrier
+    def __init__(self, scenario: Scenario, trial: Trial, options: ServeOptions) -> None:
+        self._trial, self._options = trial, options
         self._world = World(trial_truth(scenario, trial, options.seed))
-        with_force = scenario.world.force_sensor is not None
         path = options.robot_log
+        with_force = scenario.world.force_sensor is not None
         self._log = None if path is None else LiveRobotLog(path, with_force=with_force)
-        self._config = BoardConfig(start_us=FIRST_US, serial_bytes_per_ms=scenario.world.serial.bytes_per_ms)
-        self._board = NativeBoard(self._config)
-        self._answers: FrameReader | None = FrameReader()  # until START was accepted
+        bytes_per_ms = scenario.world.serial.bytes_per_ms
+        self._power = PoweredBoard(
+            BoardConfig(
+                start_us=FIRST_US, serial_bytes_per_ms=bytes_per_ms, can_frames_per_ms=CAN_FRAMES_PER_MS
+            )
+        )
+        self._readings = FaultyReadings()
+        if options.setup_file is not None:
+            write_setup(scenario, options.setup_file)
+        self._wire = connect(options.connection, bytes_per_ms, lambda: self._power.board.now_us)
+        try:
+            self._faults = Schedule(
+                scenario.faults,
+                trial.name,
+                options.seed,
+                Rig(
+                    self._wire.cable, self._wire.line, self._wire.bus, self._readings, self._power, self._log
+                ),
+            )
+        except SimError:
+            self._wire.cable.close()
+            raise
+        self._truth = TruthFile(options.truth_file, scenario, trial, options.seed)
         rate = Clock(0.0, scenario.world.clocks.board_ppm).rate
         self._pace = Pace(FIRST_US, options.speed, rate)
-        self._block = max(1, round(BLOCK_WALL_S * options.speed * 1e6 / TICK_US))
+        self._block_us = TICK_US * max(1, round(BLOCK_WALL_S * options.speed * 1e6 / TICK_US))
         layout.database()  # another tenth of a second: now, not at the first command
+        self._inbound: deque[tuple[int, Parcel]] = deque()  # when its last bit arrives, board time
         self._attention_until_us = 0
-        self._complaint_us = 0
+        self._lag = LagMeter()
+        self._turned_s = time.monotonic()
         self._stop = False
         self._finished = False
+
+    def close(self) -> None:
+        """Takes the carrier down."""
+        self._wire.cable.close()
 
     def run(self) -> None:
         """Runs until there is nothing left to do."""
         for number in (signal.SIGTERM, signal.SIGINT):
             signal.signal(number, self._on_signal)
-        self._say(
+        say(
             event="ready",
-            port=self._carrier.address,
-            link=_text(self._options.link),
+            carrier=self._options.connection.carrier,
+            **self._wire.ready(),
+            link=_text(self._options.connection.link),
             robot_log=_text(self._options.robot_log),
             setup=_text(self._options.setup_file),
             trial=self._trial.name,
@@ -109,62 +134,143 @@ class _Session:
             speed=self._options.speed,
             pid=os.getpid(),
         )
-        self._pace.set(self._board.next_tick_us)
-        while not self._stop and not (self._finished and not self._carrier.connected):
+        self._pace.set(self._power.board.next_tick_us)
+        while not self._stop and not self._nothing_left():
             self._turn()
+        self._conclude()
+
+    def _nothing_left(self) -> bool:
+        return self._finished and not self._wire.cable.connected and not self._faults.cable_is_out
+
+    def _conclude(self) -> None:
+        rows = 0
         if self._log is not None:
             self._log.finish()
+            rows = self._log.rows
         if not self._finished:
-            self._say(
-                event="stopped", trial=self._trial.name, robot_log_rows=self._log.rows if self._log else 0
-            )
-        if self._carrier.dropped:
-            print(  # noqa: T201
-                f"impid-sim: {self._carrier.dropped} bytes lost because the client did not read them",
-                file=sys.stderr,
-            )
+            say(event="stopped", trial=self._trial.name, robot_log_rows=rows)
+        self._truth.write(self._faults.close())
+        dropped = self._wire.cable.dropped
+        if dropped:
+            unit = "bytes" if self._wire.bus is None or self._wire.line is not None else "frames"
+            warn(f"{dropped} {unit} lost because the client did not read them")
+        say(
+            event="closed",
+            boots=self._truth.boots(),
+            dropped=dropped,
+            faults=self._faults.records,
+            lag=self._lag.report(),
+        )
 
     def _turn(self) -> None:
-        """Once around: wait, run the ticks that are due, hand bytes both ways."""
-        attentive = self._board.next_tick_us < self._attention_until_us
-        due_us = self._board.next_tick_us + (0 if attentive else (self._block - 1) * TICK_US)
-        data = self._carrier.receive(self._pace.seconds_until(due_us))
+        """Once around: wait, take what the client sent, and let the board come up to now."""
+        wait_s = self._pace.seconds_until(self._due_us())
+        if self._inbound and self._inbound[-1][0] > self._pace.now_us() + ON_THE_WIRE_US:
+            time.sleep(wait_s)
+            parcels: list[Parcel] = []
+        else:
+            parcels = self._wire.receive(wait_s)
+        self._keep_pace()
         now_us = self._pace.now_us()
-        self._run_until(now_us)
-        if data:
-            self._board.serial_receive(data, max(now_us, self._board.next_tick_us - TICK_US))
-            self._attention_until_us = self._board.next_tick_us + ATTENTION_TICKS * TICK_US
-        self._hand_out()
-        if self._board.reset_requested:
-            self._reboot()
+        for parcel in parcels:
+            begin_us = max(now_us, self._inbound[-1][0]) if self._inbound else now_us
+            self._inbound.append((begin_us + self._wire.transit_us(parcel), parcel))
+        if parcels:
+            self._attention_until_us = now_us + ATTENTION_TICKS * TICK_US
+        self._come_up()
 
-    def _run_until(self, now_us: int) -> None:
-        while (ticks := (now_us - self._board.next_tick_us) // TICK_US + 1) > 0 and not self._stop:
-            self._complain(now_us - self._board.next_tick_us - self._block * TICK_US)
-            ticks = min(ticks, CATCH_UP_TICKS)
-            readings = self._world.read(self._board.next_tick_us, ticks, self_test=self._board.self_test_pin)
-            self._board.run(readings.adc, readings.encoder)
+    def _due_us(self) -> int:
+        """When the loop has to look at the board again."""
+        board = self._power.board
+        attentive = board.next_tick_us < self._attention_until_us
+        due_us = board.next_tick_us + (0 if attentive else self._block_us - TICK_US)
+        if attentive and board.lines_idle_us > board.now_us:
+            due_us = min(due_us, board.lines_idle_us)
+        if self._inbound:
+            due_us = min(due_us, self._inbound[0][0])
+        return due_us
+
+    def _come_up(self) -> None:
+        """Everything happens that is due by now, in its order."""
+        while not self._stop:
+            now_us = self._pace.now_us()
+            fault_us = self._next_fault_us()
+            arrival_us = self._inbound[0][0] if self._inbound else None
+            if fault_us is not None and fault_us <= min(now_us, now_us if arrival_us is None else arrival_us):
+                self._run_ticks(fault_us - 1)
+                self._advance(fault_us)
+                self._switch_fault(fault_us)
+            elif arrival_us is not None and arrival_us <= now_us:
+                self._run_ticks(arrival_us)
+                self._arrive(*self._inbound.popleft())
+            else:
+                self._run_ticks(now_us)
+                self._advance(now_us)
+                return
+
+    def _run_ticks(self, until_us: int) -> None:
+        """All ticks up to until_us."""
+        board = self._power.board
+        while (ticks := (until_us - board.next_tick_us) // TICK_US + 1) > 0 and not self._stop:
+            ticks = self._power.before_ticks(min(ticks, CATCH_UP_TICKS))
+            truth = self._world.read(board.next_tick_us, ticks, self_test=board.self_test_pin)
+            readings, flags = self._readings(truth)
+            board.run(readings.adc, readings.encoder, flags)
             self._hand_out()
             self._write_log()
 
-    def _hand_out(self) -> None:
-        sent = self._board.serial_take()
-        self._board.can_take()  # no bus is attached
-        if not sent:
-            return
-        self._carrier.send(sent)
-        if self._answers is not None and any(accepts_start(frame) for frame in self._answers.feed(sent)):
-            self._answers = None
-            self._begin()
+    def _advance(self, now_us: int) -> None:
+        """The lines carry on between ticks."""
+        if now_us > self._power.board.now_us:
+            self._power.board.advance(now_us)
+        self._hand_out()
 
-    def _begin(self) -> None:
-        begin_us = self._board.next_tick_us + LEAD_US
-        self._world.begin(begin_us)
-        if self._options.truth_file is not None:
-            truth = scenario_json(
-                self._scenario, self._options.seed, {self._trial.name: begin_us}, (self._trial,)
-            )
-            self._options.truth_file.write_text(json.dumps(truth, indent=2) + "\n", encoding="utf-8")
+    def _arrive(self, at_us: int, parcel: Parcel) -> None:
+        board = self._power.board
+        if at_us < 0:  # the board is off
+            return
+        self._wire.deliver(board, parcel, at_us)
+        if board.reset_requested:
+            self._advance(board.lines_idle_us)  # the answer leaves first
+            self._power.at_us = board.now_us
+            self._power.restart("SOFTWARE", BOOT_US)
+            self._book_boot()
+
+    def _hand_out(self) -> None:
+        sent = self._wire.hand_out(self._power.board)
+        self._truth.count(sent.samples)
+        if sent.started and self._world.begin_us is None:
+            self._world.begin(self._power.board.next_tick_us + LEAD_US)
+            self._truth.begin(self._world.begin_us)
+            self._truth.write(self._faults.records)
+
+    def _next_fault_us(self) -> int | None:
+        begin_us, since_us = self._world.begin_us, self._faults.next_since_us
+        return None if begin_us is None or since_us is None else begin_us + since_us
+
+    def _switch_fault(self, at_us: int) -> None:
+        self._power.at_us = at_us
+        event = self._faults.step(at_us if at_us >= 0 else None, self._power.boot_id)
+        if event["kind"] == "cable_pulled" and event["phase"] == "end":
+            event |= self._wire.ready()
+        say(**event)
+        self._book_boot()
+        self._truth.write(self._faults.records)
+
+    def _book_boot(self) -> None:
+        """Everything that counts on the board's clock follows it to its new zero."""
+        boot = self._power.take_new_boot()
+        if boot is None:
+            return
+        shift_us = boot.shift_us
+        self._world.board_restarted(0, shift_us)
+        self._pace.shift(shift_us)
+        self._readings.board_restarted()
+        self._wire.board_restarted()
+        self._inbound = deque((due_us + shift_us, parcel) for due_us, parcel in self._inbound)
+        self._attention_until_us = 0
+        self._truth.boot(boot.boot_id, boot.reset_cause, self._world.begin_us)
+        say(event="boot", boot_id=boot.boot_id, reset_cause=boot.reset_cause)
 
     def _write_log(self) -> None:
         rows = self._world.take_log()
@@ -174,55 +280,28 @@ class _Session:
             self._finished = True
             if self._log is not None:
                 self._log.finish()
-            self._say(
+            say(
                 event="trial-finished",
                 trial=self._trial.name,
                 robot_log=_text(self._options.robot_log),
                 robot_log_rows=self._log.rows if self._log else 0,
             )
 
-    def _reboot(self) -> None:
-        before_us = self._board.next_tick_us
-        self._board.close()
-        self._config = BoardConfig(
-            boot_id=self._config.boot_id + 1,
-            reset_cause=SOFTWARE_RESET,
-            serial_bytes_per_ms=self._config.serial_bytes_per_ms,
-        )
-        self._board = NativeBoard(self._config)
-        self._attention_until_us = self._complaint_us = 0
-        self._world.board_restarted(before_us, self._board.next_tick_us)
-        self._pace.set(self._board.next_tick_us)
-
-    def _complain(self, behind_us: int) -> None:
-        """Says on stderr, at most every five seconds, that the machine cannot keep pace."""
-        behind_wall_us = behind_us / self._options.speed
-        if behind_wall_us > LAG_US and self._board.next_tick_us >= self._complaint_us:
-            self._complaint_us = self._board.next_tick_us + int(5e6 * self._options.speed)
-            print(  # noqa: T201
-                f"impid-sim: {1e-6 * behind_wall_us:.2f} s behind; lower --speed or free the machine",
-                file=sys.stderr,
-                flush=True,
-            )
+    def _keep_pace(self) -> None:
+        """Books how far the board is behind; says so, and gives up what cannot be caught up with."""
+        now_s = time.monotonic()
+        behind_us = self._pace.now_us() - self._power.board.next_tick_us - self._block_us
+        behind_s = 1e-6 * behind_us / self._options.speed
+        give_up_s = self._lag.observe(behind_s, now_s - self._turned_s)
+        self._turned_s = now_s
+        if self._lag.complaint_is_due(behind_s, now_s):
+            warn(f"{behind_s:.2f} s behind; lower --speed or free the machine")
+            say(event="lag", now_s=round(behind_s, 3), **self._lag.report())
+        if give_up_s > 0.0:
+            self._pace.shift(-int(1e6 * give_up_s * self._options.speed))
 
     def _on_signal(self, _number: int, _frame: FrameType | None) -> None:
         self._stop = True
-
-    @staticmethod
-    def _say(**content: Any) -> None:
-        try:
-            print(json.dumps(content), flush=True)  # noqa: T201
-        except BrokenPipeError:
-            # Whoever listened has gone; the board does not depend on it.
-            sys.stdout = Path(os.devnull).open("w", encoding="utf-8")  # noqa: SIM115
-
-
-def _point(link: Path, target: str) -> None:
-    if link.is_symlink():
-        link.unlink()
-    elif link.exists():
-        raise SimError(f"{link}: exists and is no link; name another place for --link")
-    link.symlink_to(target)
 
 
 def _text(path: Path | None) -> str | None:
