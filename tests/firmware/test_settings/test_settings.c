@@ -15,7 +15,7 @@ typedef struct {
     uint8_t bytes[2][SECTOR_BYTES];
     uint32_t steps_left; /* bytes programmed or erased until the power goes */
     jmp_buf power_cut;
-    bool refuse;
+    uint32_t operations_left; /* programs and erases until flash refuses */
     uint32_t erases;
 } fake_flash_t;
 
@@ -38,9 +38,19 @@ static uint32_t chip_read(void *context, uint32_t sector, uint32_t word) {
            ((uint32_t)bytes[3] << 24);
 }
 
+static bool refuses(fake_flash_t *flash) {
+    if (flash->operations_left == 0u) {
+        return true;
+    }
+    if (flash->operations_left != NEVER) {
+        flash->operations_left--;
+    }
+    return false;
+}
+
 static bool chip_program(void *context, uint32_t sector, uint32_t word, uint32_t value) {
     fake_flash_t *flash = context;
-    if (flash->refuse) {
+    if (refuses(flash)) {
         return false;
     }
     for (uint32_t i = 0; i < 4u; i++) {
@@ -54,7 +64,7 @@ static bool chip_program(void *context, uint32_t sector, uint32_t word, uint32_t
 /* Backwards, so that a cut leaves the mark standing over a half-erased sector: the worse order. */
 static bool chip_erase(void *context, uint32_t sector) {
     fake_flash_t *flash = context;
-    if (flash->refuse) {
+    if (refuses(flash)) {
         return false;
     }
     flash->erases++;
@@ -84,7 +94,7 @@ static void boot(void) {
 void setUp(void) {
     memset(&chip, 0xFF, sizeof chip.bytes);
     chip.steps_left = NEVER;
-    chip.refuse = false;
+    chip.operations_left = NEVER;
     chip.erases = 0;
     boot();
 }
@@ -121,6 +131,7 @@ static void test_only_saved_values_outlive_a_boot(void) {
     TEST_ASSERT_TRUE(impid_settings_save(&settings));
     TEST_ASSERT_TRUE(impid_settings_set(&settings, IMPID_SETTING_CAN_KBPS, 250));
     TEST_ASSERT_EQUAL_UINT32(250, value_of(IMPID_SETTING_CAN_KBPS));
+    TEST_ASSERT_TRUE(impid_settings_set(&settings, IMPID_SETTING_CAN_KBPS, 1000));
     boot();
     TEST_ASSERT_EQUAL_UINT32(500, value_of(IMPID_SETTING_CAN_KBPS));
     TEST_ASSERT_EQUAL_UINT32(65535, value_of(IMPID_SETTING_ACCEL_Y_ZERO));
@@ -173,13 +184,25 @@ static void test_a_flash_that_refuses_is_reported_and_loses_nothing(void) {
     TEST_ASSERT_TRUE(impid_settings_set(&settings, IMPID_SETTING_CAN_KBPS, 500));
     TEST_ASSERT_TRUE(impid_settings_save(&settings));
     TEST_ASSERT_TRUE(impid_settings_set(&settings, IMPID_SETTING_CAN_KBPS, 250));
-    chip.refuse = true;
+    chip.operations_left = 0;
     TEST_ASSERT_FALSE(impid_settings_save(&settings));
     memset(chip.bytes[1], 0x55, SECTOR_BYTES);
     TEST_ASSERT_FALSE(impid_settings_prepare(&settings));
-    chip.refuse = false;
+    chip.operations_left = NEVER;
     boot();
     TEST_ASSERT_EQUAL_UINT32(500, value_of(IMPID_SETTING_CAN_KBPS));
+}
+
+static void test_a_flash_that_refuses_at_any_operation_of_the_first_boot_is_reported(void) {
+    /* Both sectors: mark cleared, erased, mark written. */
+    for (uint32_t operations = 0; operations < 6u; operations++) {
+        setUp();
+        chip.operations_left = operations;
+        TEST_ASSERT_FALSE(impid_settings_prepare(&settings));
+    }
+    setUp();
+    chip.operations_left = 6;
+    TEST_ASSERT_TRUE(impid_settings_prepare(&settings));
 }
 
 static void test_a_word_that_does_not_read_back_is_not_saved(void) {
@@ -320,9 +343,9 @@ static void test_commands_read_change_and_keep_settings(void) {
     check(ask(SAVE, 0, 0), OK, 0);
     check(ask(SET, LAST, 8192), OK, 8192);
     check(ask(GET, LAST, 0), OK, 8192);
-    chip.refuse = true;
+    chip.operations_left = 0;
     check(ask(SAVE, 0, 0), FAILED, 0);
-    chip.refuse = false;
+    chip.operations_left = NEVER;
     check(ask(LOG, IMPID_MESSAGES_COMMAND_ITEM_FAULT_COUNT_CHOICE, 0), OK, 3);
     check(ask(LOG, IMPID_MESSAGES_COMMAND_ITEM_FAULT_KIND_CHOICE, 0), OK, 0xDEADBEEFu);
     check(ask(LOG, IMPID_MESSAGES_COMMAND_ITEM_FAULT_PC_CHOICE, 0), BAD_ITEM, 0);
@@ -342,6 +365,7 @@ int main(void) {
     RUN_TEST(test_every_boot_is_counted_through_many_erases);
     RUN_TEST(test_save_never_erases_and_says_when_it_is_full);
     RUN_TEST(test_a_flash_that_refuses_is_reported_and_loses_nothing);
+    RUN_TEST(test_a_flash_that_refuses_at_any_operation_of_the_first_boot_is_reported);
     RUN_TEST(test_a_word_that_does_not_read_back_is_not_saved);
     RUN_TEST(test_a_power_cut_at_any_byte_leaves_the_old_or_the_new);
     RUN_TEST(test_a_second_cut_during_the_recovery_is_survived_too);
