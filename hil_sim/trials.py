@@ -2,16 +2,20 @@
 
 import numpy as np
 
+from hil_sim.effects import catalogue
+from hil_sim.effects.entry import Entry
 from hil_sim.errors import SimError
 from hil_sim.plant.kinematics import joint_angles
 from hil_sim.plant.plant import Load, PlantParameters
 from hil_sim.plant.reference import Reference, ten_sinusoids
-from hil_sim.scenarios.schema import LoadTruth, Motion, Scenario, Trial
+from hil_sim.scenarios.schema import LoadTruth, Motion, NoiseTable, Scenario, Trial
 from hil_sim.seeds import generator
 from hil_sim.sensors.accelerometer import AccelerometerTruth
 from hil_sim.sensors.clock import Clock
 from hil_sim.sensors.encoder import EncoderTruth
 from hil_sim.sensors.force_sensor import ForceSensorTruth
+from hil_sim.sensors.noise import NoiseTruth
+from hil_sim.sensors.torque_log import LogTruth
 from hil_sim.world import TrialTruth
 
 TICK_S = 1e-3  # of the robot's controller and log, on its own clock
@@ -21,10 +25,36 @@ def trial_truth(scenario: Scenario, trial: Trial, seed: int) -> TrialTruth:
     """Everything that is true of one trial.
 
     Raises:
+        SimError: the motion cannot be carried out, or an effect is not what the catalogue says.
+    """
+    return catalogue.apply(without_effects(scenario, trial, seed), effects_in(scenario, trial))
+
+
+def effects_in(scenario: Scenario, trial: Trial) -> tuple[Entry, ...]:
+    """The effects that the scenario hides in this trial.
+
+    Raises:
+        SimError: an effect is not what the catalogue says.
+    """
+    entries = [catalogue.entry(one.effect, one.places, one.trials, one.values) for one in scenario.effects]
+    return tuple(
+        entry for entry in entries if catalogue.applies(entry, trial.name, loaded=trial.load is not None)
+    )
+
+
+def without_effects(scenario: Scenario, trial: Trial, seed: int) -> TrialTruth:
+    """The trial as it would be if nothing were hidden in it.
+
+    Raises:
         SimError: the motion cannot be carried out.
     """
     world, setup = scenario.world, scenario.setup
-    robot_clock = Clock(trial.robot_zero_s, world.clocks.robot_ppm)
+    robot_clock = Clock(
+        trial.robot_zero_s,
+        world.clocks.robot_ppm,
+        wander_ppm=world.clocks.wander_ppm,
+        wander_period_s=world.clocks.wander_period_s,
+    )
     load = _load(world.loads[trial.load]) if trial.load else Load.none()
     encoder = EncoderTruth(
         counts_per_rev=setup.encoder.counts_per_rev,
@@ -46,13 +76,17 @@ def trial_truth(scenario: Scenario, trial: Trial, seed: int) -> TrialTruth:
             tick_s=TICK_S,
             true_tick_s=TICK_S / robot_clock.rate,
         ),
-        reference=_reference(scenario, trial, load, seed),
+        course=_reference(scenario, trial, load, seed),
+        inputs=None,
         accelerometer=_accelerometer(scenario),
         encoder=encoder,
-        force_sensor=None
-        if world.force_sensor is None
-        else ForceSensorTruth(noise_N=world.force_sensor.noise_N),
-        vref_V=setup.accelerometer.vref_V,
+        force_sensor=_force_sensor(scenario),
+        accelerometer_delay_s=0.0,
+        vref_V=world.accelerometer.supply_V or setup.accelerometer.vref_V,
+        adc_noise_lsb=world.adc.noise_lsb,
+        miscounts_per_min=world.encoder.miscounts_per_min,
+        miscount=world.encoder.miscount,
+        log=_log(scenario),
         robot_clock=robot_clock,
         board_rate_ppm=world.clocks.board_ppm,
         duration_s=trial.duration_s,
@@ -87,12 +121,45 @@ def _reference(scenario: Scenario, trial: Trial, load: Load, seed: int) -> Refer
     )
 
 
+def _noise(tables: tuple[NoiseTable, ...]) -> tuple[NoiseTruth, ...]:
+    return tuple(NoiseTruth(table.kind, table.rms, table.corner_Hz) for table in tables)
+
+
+def _force_sensor(scenario: Scenario) -> ForceSensorTruth | None:
+    table = scenario.world.force_sensor
+    if table is None:
+        return None
+    return ForceSensorTruth(
+        noise=(NoiseTruth("white", table.noise_N), *_noise(table.noise)),
+        offset_N=table.offset_N,
+        gain_error=table.gain_error,
+        quantum_N=table.quantum_N,
+    )
+
+
+def _log(scenario: Scenario) -> LogTruth:
+    table = scenario.world.torque_log
+    return LogTruth(
+        noise=_noise(table.noise),
+        quantum_Nm=table.quantum_Nm,
+        jitter_s=table.jitter_s,
+        gap_every_s=table.gap_every_s,
+        gap_rows=table.gap_rows,
+        late_start_s=table.late_start_s,
+    )
+
+
 def _accelerometer(scenario: Scenario) -> AccelerometerTruth:
     nominal, errors = scenario.setup.accelerometer, scenario.world.accelerometer
     return AccelerometerTruth(
         zero_g_V=nominal.zero_g_V,
         sensitivity_V_per_g=nominal.sensitivity_V_per_g,
-        supply_V=nominal.vref_V,
+        supply_V=errors.supply_V or nominal.vref_V,
+        nominal_supply_V=nominal.vref_V,
+        warm_up_C=errors.warm_up_C,
+        warm_up_s=errors.warm_up_s,
+        offset_mg_per_C=errors.offset_mg_per_C,
+        gain_per_C=errors.gain_per_C,
         turns_with_link2=nominal.mount == "link2",
         mount_angle_rad=nominal.mount_angle_rad + errors.mount_angle_error_rad,
         bandwidth_Hz=errors.bandwidth_Hz,

@@ -1,9 +1,13 @@
 """What a scenario hides, as JSON: for whoever checks an identification, never for the host."""
 
+import math
 from typing import Any
 
-from hil_sim.scenarios.schema import Scenario, Trial
+from hil_sim.effects import catalogue
+from hil_sim.scenarios.schema import NoiseTable, Scenario, Trial
+from hil_sim.sensors.accelerometer import STANDARD_GRAVITY
 from hil_sim.sensors.clock import Clock
+from hil_sim.trials import effects_in
 
 Json = dict[str, Any]
 
@@ -26,7 +30,11 @@ def clock_truth(scenario: Scenario, trial: Trial, begin_us: int) -> Json:
 
 def trial_json(scenario: Scenario, trial: Trial, begin_us: int | None) -> Json:
     """One trial: its load, and its clocks once it is known when it began."""
-    entry: Json = {"kind": trial.kind, "duration_s": trial.duration_s}
+    entry: Json = {
+        "kind": trial.kind,
+        "duration_s": trial.duration_s,
+        "effects": [f"{one.effect}@{'+'.join(one.where)}" for one in effects_in(scenario, trial)],
+    }
     if trial.load is not None:
         load = scenario.world.loads[trial.load]
         entry["load"] = {
@@ -39,6 +47,51 @@ def trial_json(scenario: Scenario, trial: Trial, begin_us: int | None) -> Json:
     if begin_us is not None:
         entry["clock"] = clock_truth(scenario, trial, begin_us)
     return entry
+
+
+def effects_json(scenario: Scenario, trials: tuple[Trial, ...]) -> list[Json]:
+    """What is hidden: name, place, parameters, and in which of these trials."""
+    present: dict[str, Json] = {}
+    for trial in trials:
+        for one in effects_in(scenario, trial):
+            row = catalogue.ROWS[one.effect]
+            units = {parameter.name: parameter.unit for parameter in row.parameters}
+            parameters = {k: {"value": v, "unit": units[k]} for k, v in one.values.items()}
+            key = repr((one.effect, one.where, sorted(one.values.items(), key=str)))
+            there = {"effect": one.effect, "where": list(one.where), "parameters": parameters, "trials": []}
+            present.setdefault(key, there)["trials"].append(trial.name)
+    return list(present.values())
+
+
+def noise_json(scenario: Scenario) -> Json:
+    """The noise floor: all that chance adds to what is logged, as standard deviations of single values."""
+    world = scenario.world
+    sensor, accelerometer = world.force_sensor, world.accelerometer
+    adc_step = (
+        scenario.setup.accelerometer.vref_V / 4096 / scenario.setup.accelerometer.sensitivity_V_per_g[0]
+    )
+    return {
+        "torque_Nm": [noise.model_dump() for noise in world.torque_log.noise],
+        "torque_rms_Nm": _total([noise.rms for noise in world.torque_log.noise if _absolute(noise)]),
+        "torque_quantum_Nm": world.torque_log.quantum_Nm,
+        "force_N": []
+        if sensor is None
+        else [{"kind": "white", "rms": sensor.noise_N}, *(noise.model_dump() for noise in sensor.noise)],
+        "force_rms_N": None
+        if sensor is None
+        else _total([sensor.noise_N, *(noise.rms for noise in sensor.noise if _absolute(noise))]),
+        "acceleration_ug_per_rtHz": accelerometer.noise_density_ug_per_rtHz,
+        "adc_step_m_s2": STANDARD_GRAVITY * adc_step,
+        "encoder_step_rad": [2.0 * math.pi / count for count in scenario.setup.encoder.counts_per_rev],
+    }
+
+
+def _absolute(noise: NoiseTable) -> bool:
+    return noise.kind != "heteroscedastic"
+
+
+def _total(rms: list[tuple[float, float]]) -> tuple[float, float]:
+    return math.hypot(*(one[0] for one in rms)), math.hypot(*(one[1] for one in rms))
 
 
 def scenario_json(scenario: Scenario, seed: int, begin_us: dict[str, int], trials: tuple[Trial, ...]) -> Json:
@@ -54,5 +107,7 @@ def scenario_json(scenario: Scenario, seed: int, begin_us: dict[str, int], trial
         "robot": {"alpha": scenario.world.robot.alpha, "link_lengths_m": scenario.setup.robot.link_lengths_m},
         "clocks": {"board_ppm": clocks.board_ppm, "robot_ppm": clocks.robot_ppm},
         "accelerometer": scenario.world.accelerometer.model_dump(),
+        "effects": effects_json(scenario, trials),
+        "noise_floor": noise_json(scenario),
         "trials": {trial.name: trial_json(scenario, trial, begin_us.get(trial.name)) for trial in trials},
     }

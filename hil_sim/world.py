@@ -11,14 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil_sim.plant.plant import SUBSTEPS, Motion, Plant, PlantParameters
-from hil_sim.plant.reference import Reference, TickedReference
+from hil_sim.plant.reference import Course
 from hil_sim.seeds import generator
 from hil_sim.sensors import adc
 from hil_sim.sensors.accelerometer import AccelerometerTruth, Output, OutputFilter
 from hil_sim.sensors.clock import Clock
 from hil_sim.sensors.encoder import EncoderTruth
 from hil_sim.sensors.force_sensor import ForceSensor, ForceSensorTruth
-from hil_sim.sensors.torque_log import LogRows, TorqueLog
+from hil_sim.sensors.torque_log import LogRows, LogTruth, TorqueLog
 
 Array = NDArray[np.float64]
 CONVERSIONS = 8  # IMPID_ADC_PER_TICK
@@ -33,9 +33,15 @@ class TrialTruth:
     Attributes:
         name: of the trial; with the seed it names the streams of chance.
         plant: robot, load and controller.
-        reference: what the controller follows.
-        accelerometer, encoder, force_sensor: the sensors; force_sensor is None where there is none.
+        course: what the controller follows.
+        inputs: torques, pushes and shifts that time alone decides, one row per tick; see Plant.run. None:
+        none. accelerometer, encoder, force_sensor: the sensors; force_sensor is None where there is none.
+        accelerometer_delay_s: the acceleration is that of so long ago.
         vref_V: true reference of the converter.
+        adc_noise_lsb: its own noise, rms, ahead of rounding.
+        miscounts_per_min, miscount: how often noise on the lines shifts a counter of the board, and by how
+        much.
+        log: how the robot's log errs.
         robot_clock: shows its zero when the motion starts.
         board_rate_ppm: rate of the board's clock.
         duration_s: of the log, on the robot's clock.
@@ -44,11 +50,17 @@ class TrialTruth:
 
     name: str
     plant: PlantParameters
-    reference: Reference
+    course: Course
+    inputs: Array | None
     accelerometer: AccelerometerTruth
     encoder: EncoderTruth
     force_sensor: ForceSensorTruth | None
+    accelerometer_delay_s: float
     vref_V: float
+    adc_noise_lsb: float
+    miscounts_per_min: float
+    miscount: int
+    log: LogTruth
     robot_clock: Clock
     board_rate_ppm: float
     duration_s: float
@@ -74,10 +86,10 @@ class World:
     def __init__(self, truth: TrialTruth) -> None:
         self.truth = truth
         tick_s = truth.plant.tick_s
-        q = truth.reference.centre_rad
+        q = truth.encoder.place_of(truth.course.start_rad)
         self._step_s = truth.plant.true_tick_s / SUBSTEPS
         self._plant = Plant(truth.plant, q)
-        self._reference = TickedReference(truth.reference, tick_s)
+        self._course = truth.course.ticked(tick_s)
         self._filter = OutputFilter(truth.accelerometer, self._step_s)
         self._output = Output(
             truth.accelerometer,
@@ -85,25 +97,39 @@ class World:
             generator(truth.seed, truth.name, "accelerometer noise"),
         )
         sensor = truth.force_sensor
+        self._adc_noise = generator(truth.seed, truth.name, "converter noise")
+        self._lines = generator(truth.seed, truth.name, "encoder lines")
+        self._shift = np.zeros(2, dtype=np.int32)  # of the board's counters, by what noise made them count
         self._log = TorqueLog(
+            truth.log,
             zero_s=truth.robot_clock.zero_s,
             tick_s=tick_s,
-            rows=round(truth.duration_s / tick_s),
+            ticks=round(truth.duration_s / tick_s),
             encoder=truth.encoder,
             force_sensor=None
             if sensor is None
-            else ForceSensor(sensor, generator(truth.seed, truth.name, "force sensor noise")),
+            else ForceSensor(
+                sensor,
+                1.0 / (truth.log.every_ticks * tick_s),
+                generator(truth.seed, truth.name, "force sensor noise"),
+            ),
+            generators=(
+                generator(truth.seed, truth.name, "torque noise"),
+                generator(truth.seed, truth.name, "log"),
+            ),
         )
         self._rows: list[LogRows] = []
         self._tick = 0  # ticks of the controller so far
         self._board_clock = Clock(0.0, truth.board_rate_ppm)
         self._begin_us: int | None = None
+        # The sensor's lateness in steps of the plant.
+        self._late = truth.accelerometer_delay_s / self._step_s
         # What the interpolation still needs, from grid point _from on: q, w and filter output at grid points;
         # the drive of the filter over the substep that begins there (one row fewer).
         self._from = 0
         self._q = q[None, :].copy()
         self._w = np.zeros((1, 2))
-        self._filtered = np.zeros((1, 2))
+        self._filtered = self._filter.rest(q)[None]
         self._drive = np.zeros((0, 2))
 
     @property
@@ -129,21 +155,46 @@ class World:
         """What the board reads in consecutive ticks, the first of them at board time first_us."""
         if self._begin_us is None:
             count = self.truth.encoder.count(np.repeat(self._q[:1], ticks, axis=0))
-            filtered = np.zeros((ticks * CONVERSIONS, 2))
+            # Rest, or nearly: the plane may be inclined.
+            filtered = np.repeat(self._filtered[:1], ticks * CONVERSIONS, axis=0)
         else:
             since_us = (first_us - self._begin_us) + TICK_US * np.arange(ticks)
             conversion_us = since_us[:, None] + CONVERSION_US * (np.arange(CONVERSIONS) - (CONVERSIONS - 1))
-            place = (
-                self._board_clock.true_time(1e-6 * conversion_us.ravel().astype(np.float64)) / self._step_s
-            )
-            place = np.maximum(place, 0.0)
-            self._advance_past(float(place[-1]))
-            filtered = self._filtered_at(place)
+            place = self._place(1e-6 * conversion_us.ravel().astype(np.float64))
+            felt = np.maximum(place - self._late, 0.0)
+            self._advance_past(float(max(place[-1], felt[-1])))
+            filtered = self._filtered_at(felt)
             count = self.truth.encoder.count(self._q_at(place[CONVERSIONS - 1 :: CONVERSIONS]))
-            self._forget(float(place[-1]))
+            self._forget(float(min(place[-1], felt[-1])))
+        count = count + self._miscounted(ticks)
         volts = self._output.volts(filtered, self_test=self_test)
+        lsb = self.truth.vref_V / (1 << adc.BITS)
+        volts += self.truth.adc_noise_lsb * lsb * self._adc_noise.standard_normal(volts.shape)
         codes = adc.convert(volts, self.truth.vref_V)
         return Readings(adc=codes.reshape(ticks, CONVERSIONS, 2), encoder=count)
+
+    def _place(self, since_s: Array) -> Array:
+        """Substeps since the start at which the board's clock has advanced by since_s beyond the start.
+
+        The plant's steps are those of the robot's clock. Where that clock drifts, the steps drift against
+        the board; that they then also last some ppm longer is nothing that the motion would show.
+        """
+        true_s = self._board_clock.true_time(since_s)
+        robot = self.truth.robot_clock
+        if robot.drift_s or robot.wander_ppm:
+            true_s = true_s + robot.ahead(true_s) / robot.rate
+        return np.asarray(np.maximum(true_s / self._step_s, 0.0))
+
+    def _miscounted(self, ticks: int) -> NDArray[np.int32]:
+        """What noise on the lines has added to the board's counters by each tick."""
+        truth = self.truth
+        if truth.miscounts_per_min <= 0.0:
+            return np.zeros((1, 2), dtype=np.int32)
+        hits = self._lines.random((ticks, 2)) < truth.miscounts_per_min * 1e-6 * TICK_US / 60.0
+        signs = np.where(self._lines.random((ticks, 2)) < 0.5, -1, 1)
+        shift = self._shift + np.cumsum(truth.miscount * signs * hits, axis=0).astype(np.int32)
+        self._shift = shift[-1]
+        return np.asarray(shift, dtype=np.int32)
 
     def take_log(self) -> list[LogRows]:
         """The rows that have come up since the last call, in order."""
@@ -156,15 +207,24 @@ class World:
         if missing <= 0:
             return
         ticks = -(-missing // SUBSTEPS)
-        motion = self._plant.run(self._reference.ticks(self._tick, ticks))
+        reference = self._course.ticks(self._tick, ticks)
+        motion = self._plant.run(reference, self._inputs(ticks))
         self._tick += ticks
         if not self._log.complete:
-            self._rows.append(self._log.add(motion))
+            self._rows.append(self._log.add(motion, reference[:, 2:]))
         self._append(motion)
+
+    def _inputs(self, ticks: int) -> Array | None:
+        """The next rows; nothing is done from outside once the trial is over."""
+        if self.truth.inputs is None:
+            return None
+        rows = self.truth.inputs[self._tick : self._tick + ticks]
+        return np.pad(rows, ((0, ticks - rows.shape[0]), (0, 0)))
 
     def _append(self, motion: Motion) -> None:
         q = np.concatenate([self._q[-1:], motion.q])
-        drive, filtered = self._filter.drive(q, motion.acceleration)
+        w = np.concatenate([self._w[-1:], motion.w])
+        drive, filtered = self._filter.drive(q, motion.acceleration, w)
         self._q = np.concatenate([self._q, motion.q])
         self._w = np.concatenate([self._w, motion.w])
         self._filtered = np.concatenate([self._filtered, filtered])

@@ -5,11 +5,30 @@ centre before the start, swells in smoothly, and swells out after the trial's du
 """
 
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+
+
+class Ticks(Protocol):
+    """Rows of what the controller follows, by the number of its tick."""
+
+    def ticks(self, first: int, count: int) -> Array:
+        """Rows for ticks first to first + count - 1, shape (count, 4); see Plant.run."""
+
+
+class Course(Protocol):
+    """What the controller follows."""
+
+    @property
+    def start_rad(self) -> Array:
+        """Joint angles at which the robot rests before the start, shape (2,)."""
+
+    def ticked(self, tick_s: float) -> Ticks:
+        """On the ticks of a controller with this period."""
 
 
 @dataclass(frozen=True)
@@ -31,6 +50,15 @@ class Reference:
     phase_rad: Array
     ramp_s: float
     duration_s: float
+
+    @property
+    def start_rad(self) -> Array:
+        """Joint angles at which the robot rests before the start, shape (2,)."""
+        return self.centre_rad
+
+    def ticked(self, tick_s: float) -> "TickedReference":
+        """On the ticks of a controller with this period."""
+        return TickedReference(self, tick_s)
 
     def at(self, t_s: Array) -> Array:
         """Reference angles and speeds.

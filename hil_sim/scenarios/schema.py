@@ -1,6 +1,6 @@
 """What a scenario file may say. Every quantity carries its unit in its name; unknown keys are refused."""
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
@@ -90,14 +90,55 @@ class AccelerometerErrors(_Table):
     gain_error: Pair = (0.0, 0.0)
     cross_axis: Pair = (0.0, 0.0)
     mount_angle_error_rad: float = 0.0
+    supply_V: Positive | None = None  # None: exactly setup's vref_V; the converter shares it
+    warm_up_C: float = 0.0
+    warm_up_s: Positive = 600.0
+    offset_mg_per_C: Pair = (0.1, 0.1)
+    gain_per_C: Pair = (0.0, 0.0)
     # Data sheet: about 150 mV at a 3 V supply, growing with its cube: 0.2 V, or 0.32 g, at 3.3 V.
     self_test_g: Pair = (0.32, 0.32)
+
+
+class NoiseTable(_Table):
+    """[[world.torque_log.noise]] (N m) and [[world.force_sensor.noise]] (N): sources add up."""
+
+    kind: Literal["white", "ar", "pink", "heteroscedastic"] = "white"
+    rms: tuple[NotNegative, NotNegative]
+    corner_Hz: Positive = 5.0
 
 
 class ForceSensorTable(_Table):
     """[world.force_sensor]: present only where the robot has one."""
 
     noise_N: tuple[NotNegative, NotNegative] = (0.03, 0.03)
+    noise: tuple[NoiseTable, ...] = ()
+    offset_N: Pair = (0.0, 0.0)
+    gain_error: Pair = (0.0, 0.0)
+    quantum_N: NotNegative = 0.0
+
+
+class TorqueLogTable(_Table):
+    """[world.torque_log]: what the robot's own log suffers from."""
+
+    noise: tuple[NoiseTable, ...] = ()
+    quantum_Nm: tuple[NotNegative, NotNegative] = (0.0, 0.0)
+    jitter_s: NotNegative = 0.0
+    gap_every_s: NotNegative = 0.0
+    gap_rows: Annotated[int, Field(ge=0)] = 0
+    late_start_s: NotNegative = 0.0
+
+
+class AdcTable(_Table):
+    """[world.adc]: the converter of the board."""
+
+    noise_lsb: NotNegative = 0.0
+
+
+class EncoderLines(_Table):
+    """[world.encoder]: noise on the lines makes the board's counters count wrongly now and then."""
+
+    miscounts_per_min: NotNegative = 0.0
+    miscount: int = 4
 
 
 class Clocks(_Table):
@@ -105,6 +146,8 @@ class Clocks(_Table):
 
     board_ppm: Annotated[float, Field(ge=-1000.0, le=1000.0)] = 0.0
     robot_ppm: Annotated[float, Field(ge=-1000.0, le=1000.0)] = 0.0
+    wander_ppm: NotNegative = 0.0
+    wander_period_s: Positive = 600.0
 
 
 class Serial(_Table):
@@ -157,6 +200,9 @@ class World(_Table):
     controller: ControllerTruth = ControllerTruth()
     accelerometer: AccelerometerErrors = AccelerometerErrors()
     force_sensor: ForceSensorTable | None = None
+    torque_log: TorqueLogTable = TorqueLogTable()
+    adc: AdcTable = AdcTable()
+    encoder: EncoderLines = EncoderLines()
     clocks: Clocks = Clocks()
     serial: Serial = Serial()
     loads: dict[str, LoadTruth] = {}
@@ -181,6 +227,26 @@ class Trial(_Table):
         return self
 
 
+class EffectTable(BaseModel):
+    """[[effects]]: something hidden; its parameters stand beside these keys (hil_sim/effects)."""
+
+    model_config = ConfigDict(extra="allow", frozen=True)
+
+    effect: str
+    where: str | tuple[str, ...] = ()
+    trials: tuple[str, ...] = ()
+
+    @property
+    def places(self) -> tuple[str, ...]:
+        """`where` as a tuple."""
+        return (self.where,) if isinstance(self.where, str) else self.where
+
+    @property
+    def values(self) -> dict[str, Any]:
+        """The effect's own parameters."""
+        return dict(self.__pydantic_extra__ or {})
+
+
 class Scenario(_Table):
     """The whole file."""
 
@@ -189,6 +255,7 @@ class Scenario(_Table):
     setup: Setup
     world: World
     motion: Motions = Motions()
+    effects: tuple[EffectTable, ...] = ()
     trials: Annotated[tuple[Trial, ...], Field(min_length=1)]
     faults: tuple[Fault, ...] = ()
 
@@ -198,6 +265,10 @@ class Scenario(_Table):
         twice = sorted({name for name in names if names.count(name) > 1})
         if twice:
             raise ValueError(f"two trials are called {twice[0]}: give each its own name")
+        for effect in self.effects:
+            unknown = [name for name in effect.trials if name not in names]
+            if unknown:
+                raise ValueError(f"effect {effect.effect} names the trial {unknown[0]}: there is none")
         for trial in self.trials:
             if trial.load is not None and trial.load not in self.world.loads:
                 raise ValueError(

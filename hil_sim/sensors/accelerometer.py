@@ -1,7 +1,8 @@
 """The ADXL203 on the end-effector, from the motion to its two output voltages.
 
 Source: Analog Devices, ADXL103/ADXL203 data sheet (ratiometric output, noise density, output filter by a
-capacitor against the internal 32 kOhm, self-test). In a horizontal plane specific force is acceleration.
+capacitor against the internal 32 kOhm, self-test). Specific force is acceleration minus gravity; in a level
+plane the latter has no part.
 """
 
 from dataclasses import dataclass
@@ -21,7 +22,8 @@ class AccelerometerTruth:
     Attributes:
         zero_g_V: nominal output at 0 g, per axis.
         sensitivity_V_per_g: nominal, per axis.
-        supply_V: the output cannot leave 0 to this.
+        supply_V: real supply; the output is ratiometric to it and cannot leave 0 to this.
+        nominal_supply_V: the one for which zero and sensitivity are stated.
         turns_with_link2: the axes turn with q2; otherwise they stay along x and y.
         mount_angle_rad: from link 2's x' axis (or from x) to the first axis, the real one.
         bandwidth_Hz: corner of the first-order output filter.
@@ -30,6 +32,10 @@ class AccelerometerTruth:
         gain_error: relative departure from the sensitivity, per axis.
         cross_axis: share of the other axis seen by each axis.
         self_test_g: what the output shifts by while the self-test pin is driven.
+        lever_m: from the end point to the sensor, along its axes.
+        gravity_m_s2: in the plane, base frame.
+        warm_up_C, warm_up_s: how much the sensor warms up after the start, and its time constant.
+        offset_mg_per_C, gain_per_C: what the warmth does to zero and gain, per axis.
     """
 
     zero_g_V: tuple[float, float]
@@ -43,6 +49,13 @@ class AccelerometerTruth:
     gain_error: tuple[float, float]
     cross_axis: tuple[float, float]
     self_test_g: tuple[float, float]
+    nominal_supply_V: float | None = None
+    lever_m: tuple[float, float] = (0.0, 0.0)
+    gravity_m_s2: tuple[float, float] = (0.0, 0.0)
+    warm_up_C: float = 0.0
+    warm_up_s: float = 600.0
+    offset_mg_per_C: tuple[float, float] = (0.1, 0.1)
+    gain_per_C: tuple[float, float] = (0.0, 0.0)
 
 
 class OutputFilter:
@@ -54,21 +67,35 @@ class OutputFilter:
 
     def __init__(self, truth: AccelerometerTruth, step_s: float) -> None:
         self._truth = truth
+        self._step_s = step_s
         self.rate = 2.0 * np.pi * truth.bandwidth_Hz  # 1/s
         self._keep = float(np.exp(-self.rate * step_s))
         self._state = np.zeros((1, 2))
 
-    def drive(self, q: Array, acceleration: Array) -> tuple[Array, Array]:
+    def rest(self, q: Array) -> Array:
+        """The filter has settled at joint angles q, shape (2,): its output, g."""
+        at = np.stack([q, q])
+        specific, _ = self.drive(at, np.zeros((1, 2)))
+        self._state = self._keep * specific
+        return np.asarray(specific[0])
+
+    def drive(self, q: Array, acceleration: Array, w: Array | None = None) -> tuple[Array, Array]:
         """Specific force along the sensor's axes and the filter's response to it.
 
         Args:
             q: joint angles at the n + 1 grid points around n substeps, shape (n + 1, 2), rad.
             acceleration: of the end-effector in the base frame, mean over each substep, shape (n, 2), m/s^2.
+            w: joint speeds at the grid points, shape (n + 1, 2), rad/s; may be left out for a sensor without
+            lever.
 
         Returns:
             Mean specific force over each substep and filter output at its end, g, both shape (n, 2).
         """
-        specific = self._along_axes(q, acceleration) / STANDARD_GRAVITY
+        felt = acceleration - np.array(self._truth.gravity_m_s2)
+        specific = self._along_axes(q, felt)
+        if w is not None and any(self._truth.lever_m):
+            specific += self._lever(w)
+        specific /= STANDARD_GRAVITY
         response, self._state = lfilter(
             [1.0 - self._keep], [1.0, -self._keep], specific, axis=0, zi=self._state
         )
@@ -82,6 +109,16 @@ class OutputFilter:
         first = cosine * acceleration[:, 0] + sine * acceleration[:, 1]
         second = cosine * acceleration[:, 1] - sine * acceleration[:, 0]
         return np.stack([first, second], axis=1)
+
+    def _lever(self, w: Array) -> Array:
+        """Turning gives a place beside the end point another acceleration: turn' x l - turn^2 l."""
+        if not self._truth.turns_with_link2:
+            return np.zeros((w.shape[0] - 1, 2))
+        lx, ly = self._truth.lever_m
+        swing = np.diff(w[:, 1]) / self._step_s
+        # Mean of the square over a substep in which the speed changes evenly.
+        spin = (w[:-1, 1] ** 2 + w[:-1, 1] * w[1:, 1] + w[1:, 1] ** 2) / 3.0
+        return np.stack([-spin * lx - swing * ly, swing * lx - spin * ly], axis=1)
 
 
 class Output:
@@ -98,6 +135,8 @@ class Output:
         start = self._noise_g * generator.standard_normal((1, 2))
         self._noise_state = self._keep * start
         self._self_test = 0.0
+        self._interval_s = interval_s
+        self._conversions = 0
 
     def volts(self, filtered_g: Array, *, self_test: bool = False) -> Array:
         """Voltages at consecutive conversions.
@@ -113,11 +152,21 @@ class Output:
         felt = filtered_g + self._noise(filtered_g.shape[0])
         felt += self._self_test_response(filtered_g.shape[0], driven=self_test)
         crossed = felt + np.array(truth.cross_axis) * felt[:, ::-1]
-        gain = np.array(truth.sensitivity_V_per_g) * (1.0 + np.array(truth.gain_error))
-        zero = np.array(truth.zero_g_V) + 1e-3 * np.array(truth.offset_mg) * np.array(
-            truth.sensitivity_V_per_g
-        )
-        return np.asarray(np.clip(zero + gain * crossed, 0.0, truth.supply_V))
+        warmth = self._warmth(filtered_g.shape[0])
+        sensitivity = np.array(truth.sensitivity_V_per_g)
+        gain = sensitivity * (1.0 + np.array(truth.gain_error) + warmth * np.array(truth.gain_per_C))
+        offset_g = 1e-3 * (np.array(truth.offset_mg) + warmth * np.array(truth.offset_mg_per_C))
+        zero = np.array(truth.zero_g_V) + offset_g * sensitivity
+        ratio = truth.supply_V / (truth.nominal_supply_V or truth.supply_V)
+        return np.asarray(np.clip(ratio * (zero + gain * crossed), 0.0, truth.supply_V))
+
+    def _warmth(self, count: int) -> Array:
+        """How much warmer than at the start, shape (n, 1), degrees."""
+        t_s = self._interval_s * (self._conversions + np.arange(count)[:, None])
+        self._conversions += count
+        if self._truth.warm_up_C == 0.0:
+            return np.zeros((1, 1))
+        return np.asarray(self._truth.warm_up_C * -np.expm1(-t_s / self._truth.warm_up_s))
 
     def _noise(self, count: int) -> Array:
         """White noise behind the filter, sampled: a first-order autoregression with its variance."""

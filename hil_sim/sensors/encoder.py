@@ -10,16 +10,37 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class EncoderTruth:
-    """angle = zero_rad + direction * count * 2 pi / counts_per_rev, joint by joint."""
+    """angle = zero_rad + direction * count * 2 pi / counts_per_rev, joint by joint.
+
+    Attributes:
+        counts_per_rev, zero_rad, direction: as the laboratory believes.
+        once_per_turn_rad, phase_rad: the disc stands off its centre, reading = q + a sin(q + phase).
+        shift_rad: the reading is so much too high.
+    """
 
     counts_per_rev: tuple[float, float]
     zero_rad: tuple[float, float]
     direction: tuple[int, int]
+    once_per_turn_rad: tuple[float, float] = (0.0, 0.0)
+    phase_rad: tuple[float, float] = (0.0, 0.0)
+    shift_rad: tuple[float, float] = (0.0, 0.0)
+
+    def reading(self, q: Array) -> Array:
+        """What the joints seem to stand at, before counting, shape (..., 2), rad."""
+        error = np.array(self.once_per_turn_rad) * np.sin(q + np.array(self.phase_rad))
+        return np.asarray(q + error + np.array(self.shift_rad))
+
+    def place_of(self, reading: Array) -> Array:
+        """Joint angles at which `reading` (rad) is shown; the inverse of `reading`."""
+        q = np.array(reading, dtype=np.float64)
+        for _ in range(50):  # contracts by the amplitude, some hundredths
+            q += reading - self.reading(q)
+        return q
 
     def count(self, q: Array) -> NDArray[np.int32]:
         """Counter values at joint angles q, shape (n, 2), rad; wraps as a 32-bit counter does."""
         per_rad = np.array(self.direction) * np.array(self.counts_per_rev) / (2.0 * np.pi)
-        whole = np.floor((q - np.array(self.zero_rad)) * per_rad + 0.5)
+        whole = np.floor((self.reading(q) - np.array(self.zero_rad)) * per_rad + 0.5)
         return np.asarray(whole.astype(np.int64).astype(np.int32))
 
     def angle(self, count: NDArray[np.int32]) -> Array:

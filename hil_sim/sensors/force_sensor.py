@@ -5,22 +5,35 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from hil_sim.sensors.noise import Noise, NoiseTruth
+
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class ForceSensorTruth:
-    """noise_N: standard deviation of one logged value, per axis."""
+    """How this sensor errs.
 
-    noise_N: tuple[float, float]
+    Attributes:
+        noise: they add up.
+        offset_N: per axis.
+        gain_error: relative, per axis.
+        quantum_N: the reading comes in steps of this; 0: as a double.
+    """
+
+    noise: tuple[NoiseTruth, ...]
+    offset_N: tuple[float, float] = (0.0, 0.0)
+    gain_error: tuple[float, float] = (0.0, 0.0)
+    quantum_N: float = 0.0
 
 
 class ForceSensor:
     """Adds what the sensor adds to the true force."""
 
-    def __init__(self, truth: ForceSensorTruth, generator: np.random.Generator) -> None:
+    def __init__(self, truth: ForceSensorTruth, rate_Hz: float, generator: np.random.Generator) -> None:
+        """rate_Hz: of the readings."""
         self._truth = truth
-        self._generator = generator
+        self._noise = [Noise(source, rate_Hz, generator) for source in truth.noise]
 
     def read(self, force: Array) -> Array:
         """Logged force of the load on the robot, base frame, shape (n, 2), N.
@@ -28,5 +41,10 @@ class ForceSensor:
         Args:
             force: mean over the sample period centred on each logged instant, shape (n, 2), N.
         """
-        noise: Array = self._generator.standard_normal(force.shape) * np.array(self._truth.noise_N)
-        return force + noise
+        truth = self._truth
+        reading = force * (1.0 + np.array(truth.gain_error)) + np.array(truth.offset_N)
+        for noise in self._noise:
+            reading = noise.add_to(reading)
+        if truth.quantum_N > 0.0:
+            reading = truth.quantum_N * np.round(reading / truth.quantum_N)
+        return np.asarray(reading)

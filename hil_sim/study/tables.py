@@ -48,9 +48,10 @@ class _CsvFile:
 class RobotCsv(_CsvFile):
     """robot.csv: what the robot's controller logs."""
 
-    def __init__(self, path: Path, *, with_force: bool) -> None:
+    def __init__(self, path: Path, *, with_force: bool, with_command: bool = False) -> None:
         force = ["fx", "fy"] if with_force else []
-        super().__init__(path, ["t", "theta1", "theta2", "tau1", "tau2", *force])
+        command = ["fdx", "fdy"] if with_command else []
+        super().__init__(path, ["t", "theta1", "theta2", "tau1", "tau2", *force, *command])
 
     def add(self, rows: LogRows) -> None:
         """Appends rows; digits beyond what any sensor resolves are left out."""
@@ -59,6 +60,9 @@ class RobotCsv(_CsvFile):
         if rows.force_N is not None:
             force = np.round(rows.force_N, 5)
             arrays += [force[:, 0], force[:, 1]]
+        if rows.command_N is not None:
+            command = np.round(rows.command_N, 5)
+            arrays += [command[:, 0], command[:, 1]]
         self.write(arrays)
 
 

@@ -1,0 +1,57 @@
+"""Every effect that a scenario may hide, and how a scenario's table becomes one."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from hil_sim.effects import accelerometer, actuator, clock, encoder, friction, load, outside, robot
+from hil_sim.effects.entry import Entry, Row
+from hil_sim.errors import SimError
+from hil_sim.world import TrialTruth
+
+FAMILIES = (friction, robot, actuator, accelerometer, encoder, clock, load, outside)
+ROWS: dict[str, Row] = {row.name: row for family in FAMILIES for row in family.EFFECTS}
+
+
+def entry(effect: str, where: tuple[str, ...], trials: tuple[str, ...], given: Mapping[str, Any]) -> Entry:
+    """A checked entry with every parameter.
+
+    Raises:
+        SimError: there is no such effect, place or parameter, or one is missing.
+    """
+    if effect not in ROWS:
+        raise SimError(f"effect {effect}: not known; use one of {', '.join(ROWS)}")
+    row = ROWS[effect]
+    places = where or row.places[:1]
+    for place in places:
+        if place not in row.places:
+            raise SimError(f"effect {effect}: cannot be at {place}; where may be {', '.join(row.places)}")
+    names = [parameter.name for parameter in row.parameters]
+    for name in given:
+        if name not in names:
+            raise SimError(f"effect {effect}: has no parameter {name}; use {', '.join(names)}")
+    values: dict[str, Any] = {}
+    for parameter in row.parameters:
+        value = given.get(parameter.name, parameter.default)
+        if value is None:
+            raise SimError(f"effect {effect}: {parameter.name} ({parameter.unit}) is missing; add it")
+        if isinstance(value, str) != bool(parameter.words) or (
+            parameter.words and value not in parameter.words
+        ):
+            wanted = " or ".join(parameter.words) if parameter.words else "a number or a list of numbers"
+            raise SimError(f"effect {effect}: {parameter.name} says {value}; give {wanted}")
+        values[parameter.name] = value
+    return Entry(effect, places, trials, values)
+
+
+def applies(entry: Entry, trial: str, *, loaded: bool) -> bool:
+    """Whether the effect is present in that trial."""
+    if ROWS[entry.effect].loaded_only and not loaded:
+        return False
+    return not entry.trials or trial in entry.trials
+
+
+def apply(truth: TrialTruth, entries: tuple[Entry, ...]) -> TrialTruth:
+    """The truth of a trial with these effects in it, one after the other."""
+    for one in entries:
+        truth = ROWS[one.effect].apply(truth, one)
+    return truth
