@@ -1,13 +1,15 @@
 """The choice: which effects the whitened rows support, one after another, re-checked backwards."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import stats
 
 from impid_host.diagnosis.evidence import gain, gram, projected, solve
-from impid_host.diagnosis.rows import Run, Slot
+from impid_host.diagnosis.result import UNATTRIBUTED
+from impid_host.diagnosis.rows import Run, Slot, slots_of
+from impid_host.effects.effect import Candidate
 from impid_host.signals.arrays import Floats
 
 BLOCK_S = 2.0
@@ -17,7 +19,11 @@ _ENERGY = 0.04  # least part of a row's noise variance that an effect must expla
 _FOLDS = 8
 _RESAMPLES = 80
 _INCLUSION = 0.8
-_SHORTLIST = 14
+_SHORTLIST = 8
+_FINER = 9
+
+
+Maker = Callable[[Sequence[Slot]], list[Floats]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,23 +33,42 @@ class Table:
     Attributes:
         runs: of the fit part; G: their Gram matrix; rows: how many.
         slots: candidates at their shapes.
+        make: columns of further slots on the same rows, alike whitened and freed of the base model.
     """
 
     runs: tuple[Run, ...]
     G: Floats
     rows: int
     slots: tuple[Slot, ...]
+    make: Maker
 
     def columns(self, active: Sequence[int]) -> list[int]:
         """Columns of the slots in `active`, in their order."""
         return [k for s in active for k in range(self.slots[s].columns.start, self.slots[s].columns.stop)]
 
 
-def table_of(runs: Sequence[Run], slots: Sequence[Slot]) -> Table:
+    def with_shapes(self, candidate: Candidate, shapes: Sequence[float]) -> "Table":
+        """The table with the candidate's columns at further shapes behind the others."""
+        width = self.runs[0].design.shape[1]
+        fresh = slots_of([replace(candidate, shapes=tuple(shapes))], width)
+        fresh = [replace(slot, candidate=candidate) for slot in fresh]
+        columns = self.make(fresh)
+        runs = [
+            replace(run, design=np.hstack([run.design, new]))
+            for run, new in zip(self.runs, columns, strict=True)
+        ]
+        old = np.concatenate([np.column_stack([run.target, run.design]) for run in self.runs])
+        new = np.concatenate(columns)
+        cross = old.T @ new
+        G = np.block([[self.G, cross], [cross.T, new.T @ new]])
+        return replace(self, runs=tuple(runs), G=G, slots=(*self.slots, *fresh))
+
+
+def table_of(runs: Sequence[Run], slots: Sequence[Slot], make: Maker) -> Table:
     """From runs whose base columns are gone; slots count from column 0."""
     fit = tuple(run for run in runs if run.part == "fit")
     total = gram(fit)
-    return Table(fit, total.G, total.rows, tuple(slots))
+    return Table(fit, total.G, total.rows, tuple(slots), make)
 
 
 def price(slot: Slot, rows: int) -> float:
@@ -51,13 +76,22 @@ def price(slot: Slot, rows: int) -> float:
     return float(np.log(rows)) * (slot.candidate.size + (len(slot.candidate.shapes) > 1))
 
 
-def ranking(table: Table, active: Sequence[int]) -> list[tuple[float, int]]:
-    """(score, slot) of every slot that may be added to `active`, best first; score: drop of RSS less price."""
+def is_known(slot: Slot) -> bool:
+    """A row of the catalogue, not a curve without a cause."""
+    return slot.candidate.effect != UNATTRIBUTED
+
+
+def ranking(table: Table, active: Sequence[int], *, known: bool = True) -> list[tuple[float, int]]:
+    """(score, slot) of every slot that may be added to `active`, best first; score: drop of RSS less price.
+
+    Args:
+        known: rows of the catalogue; otherwise the curves without a cause.
+    """
     P = projected(table.G, table.columns(active))
     taken = {(table.slots[s].candidate.effect, table.slots[s].candidate.where) for s in active}
     scored = []
     for index, slot in enumerate(table.slots):
-        if (slot.candidate.effect, slot.candidate.where) in taken:
+        if is_known(slot) != known or (slot.candidate.effect, slot.candidate.where) in taken:
             continue
         scored.append((gain(P, table.G, slot.columns) - price(slot, table.rows), index))
     return sorted(scored, reverse=True)
@@ -75,41 +109,103 @@ def admissible(table: Table, active: Sequence[int]) -> bool:
     return True
 
 
-def choose(table: Table) -> list[int]:
-    """Slots of the effects that the data support, in the order in which they were found."""
+def choose(table: Table, given: Sequence[int] = ()) -> tuple[Table, list[int]]:
+    """Slots of the effects that the data support, in the order in which they were found.
+
+    Args:
+        given: slots that are in the model whatever happens.
+
+    Returns:
+        the table with the refined shapes, and the slots in it, without those given.
+    """
+    given = list(given)
     active: list[int] = []
-    refused: set[tuple[int, ...]] = set()
+    tried: set[tuple[int, ...]] = set()
     while len(active) < MAX_EFFECTS:
-        found = next(
-            (
-                s
-                for score, s in ranking(table, active)[:40]
-                if score > 0 and (*active, s) not in refused and admissible(table, [*active, s])
-            ),
-            None,
-        )
-        if found is None or not supported(table, active, found):
+        table, found = best(table, [*given, *active])
+        if found is None or not supported(table, [*given, *active], found):
             break
-        refused.add((*active, found))
-        active = swapped(table, pruned(table, [*active, found]))
-    return active
+        active = [*active, found]
+        for _ in range(2):
+            table, active = refined(table, given, active)
+            active = pruned(table, given, swapped(table, given, active))
+        if tuple(sorted(active)) in tried:
+            break
+        tried.add(tuple(sorted(active)))
+    return table, active
 
 
-def pruned(table: Table, active: list[int]) -> list[int]:
+def best(table: Table, active: Sequence[int]) -> tuple[Table, int | None]:
+    """The admissible slot of highest score; close contenders are compared at their best shapes."""
+    contenders = _contenders(table, active)
+    if not contenders:
+        return table, None
+    top = contenders[0][0]
+    for score, s in contenders[:4]:
+        if len(table.slots[s].candidate.shapes) > 1 and score > 0.6 * top:
+            table, _ = refined_one(table, active, s)
+    contenders = _contenders(table, active)
+    return table, contenders[0][1] if contenders else None
+
+
+def _contenders(table: Table, active: Sequence[int]) -> list[tuple[float, int]]:
+    """The best slot of each candidate, best first."""
+    seen: set[tuple[str, tuple[str, ...], str]] = set()
+    result: list[tuple[float, int]] = []
+    for score, s in ranking(table, active):
+        candidate = table.slots[s].candidate
+        key = (candidate.effect, candidate.where, candidate.variant)
+        if score <= 0 or len(result) >= _SHORTLIST:
+            break
+        if key not in seen and admissible(table, [*active, s]):
+            seen.add(key)
+            result.append((score, s))
+    return result
+
+
+def refined(table: Table, given: Sequence[int], active: list[int]) -> tuple[Table, list[int]]:
+    """Every non-linear parameter in `active` improved, one after another."""
+    for place, s in enumerate(active):
+        if len(table.slots[s].candidate.shapes) > 1:
+            rest = [*given, *(other for other in active if other != s)]
+            table, better = refined_one(table, rest, s)
+            active = [*active[:place], better, *active[place + 1 :]]
+    return table, active
+
+
+def refined_one(table: Table, rest: Sequence[int], s: int) -> tuple[Table, int]:
+    """Two rounds of finer shapes around the slot's own, the rest of the model given (variable projection)."""
+    candidate = table.slots[s].candidate
+    for _ in range(2):
+        own = [k for k, slot in enumerate(table.slots) if slot.candidate is candidate]
+        shapes = np.unique([table.slots[k].shape for k in own])
+        here = int(np.searchsorted(shapes, table.slots[s].shape))
+        left, right = shapes[max(here - 1, 0)], shapes[min(here + 1, len(shapes) - 1)]
+        if right - left < 1e-4 * abs(shapes[here]):
+            break
+        fresh = np.linspace(left, right, _FINER)[1:-1]
+        table = table.with_shapes(candidate, [float(v) for v in fresh if abs(v - shapes[here]) > 1e-12])
+        P = projected(table.G, table.columns(rest))
+        own = [k for k, slot in enumerate(table.slots) if slot.candidate is candidate]
+        s = max(own, key=lambda k: gain(P, table.G, table.slots[k].columns))
+    return table, s
+
+
+def pruned(table: Table, given: Sequence[int], active: list[int]) -> list[int]:
     """Without the effects that the others explain away."""
     for s in list(active):
         rest = [other for other in active if other != s]
-        if rest and not supported(table, rest, s):
+        if rest and not supported(table, [*given, *rest], s):
             active = rest
     return active
 
 
-def swapped(table: Table, active: list[int]) -> list[int]:
+def swapped(table: Table, given: Sequence[int], active: list[int]) -> list[int]:
     """Each effect replaced by a better one, given the others, while that helps."""
     for _ in range(2):
         for place, s in enumerate(active):
-            rest = [other for other in active if other != s]
-            own = _score(table, rest, s)
+            rest = [*given, *(other for other in active if other != s)]
+            own = score_of(table, rest, s)
             better = next(
                 (
                     other
@@ -123,7 +219,8 @@ def swapped(table: Table, active: list[int]) -> list[int]:
     return active
 
 
-def _score(table: Table, rest: Sequence[int], s: int) -> float:
+def score_of(table: Table, rest: Sequence[int], s: int) -> float:
+    """Drop of the RSS less the price, the rest given."""
     P = projected(table.G, table.columns(rest))
     return gain(P, table.G, table.slots[s].columns) - price(table.slots[s], table.rows)
 
@@ -144,7 +241,8 @@ def p_value(table: Table, active: Sequence[int], s: int) -> float:
     size = slot.candidate.size + (len(slot.candidate.shapes) > 1)
     free = table.rows - len(table.columns(active)) - size
     F = (drop / size) / max((P[0, 0] - drop) / free, 1e-300)
-    return float(min(1.0, stats.f.sf(F, size, free) * len(table.slots)))
+    tried = sum(is_known(other) for other in table.slots)
+    return float(min(1.0, stats.f.sf(F, size, free) * tried))
 
 
 def energy(table: Table, active: Sequence[int], s: int) -> float:

@@ -8,16 +8,18 @@ from scipy import stats
 
 from impid_host.diagnosis import proof
 from impid_host.diagnosis.base import Base, base_of
-from impid_host.diagnosis.choice import Table, choose, p_value, ranking, table_of
-from impid_host.diagnosis.evidence import gain, projected, solve, without
+from impid_host.diagnosis.choice import Table, choose, is_known, p_value, ranking, table_of
+from impid_host.diagnosis.evidence import base_directions, gain, projected, solve
 from impid_host.diagnosis.holdout import Holdout, hold_out
 from impid_host.diagnosis.prepare import setting_of, views
 from impid_host.diagnosis.result import Chosen, Diagnosis, Finding, Number, Rival, Stage, as_array
 from impid_host.diagnosis.rows import Run, Slot, Taps, build_runs, slots_of
+from impid_host.diagnosis.smooth import smooth_candidates
 from impid_host.diagnosis.whiten import noise_models, whitened
 from impid_host.effects.catalogue import CATALOGUE, candidates
 from impid_host.effects.view import View
 from impid_host.robot.model import robot_model
+from impid_host.signals.arrays import Floats
 from impid_host.study.model import Study
 
 Progress = Callable[[str, float], None]
@@ -52,7 +54,8 @@ def diagnose(study: Study, progress: Progress = _silent) -> Diagnosis:
     """
     case = prepare(study, progress)
     progress("choosing", 0.7)
-    active = choose(case.table)
+    table, active = choose(case.table)
+    case = replace(case, table=table)
     findings = _findings(case, active)
     progress("judging on held-out data", 0.8)
     stages = _stages(study, case, findings)
@@ -84,17 +87,49 @@ def prepare(study: Study, progress: Progress = _silent) -> Case:
     progress("fitting the papers' model", 0.2)
     parts = informed(parts, base, holdout)
     setting = setting_of(parts, model)
-    slots = slots_of(candidates(setting), base.size)
+    slots = slots_of([*candidates(setting), *smooth_candidates(parts, setting)], base.size)
     runs: list[Run] = []
     for index, view in enumerate(parts):
         progress(f"evaluating the catalogue on {view.name}", 0.25 + 0.4 * index / len(parts))
         runs += build_runs(view, base, slots, holdout)
     taps = noise_models(runs, saturated(base, slots), {})
-    plain, _ = without(whitened(runs, taps), base.size)
-    moved = [
-        replace(s, columns=slice(s.columns.start - base.size, s.columns.stop - base.size)) for s in slots
+    return Case(tuple(parts), base, holdout, tuple(slots), tuple(runs), taps, whitened_table(parts, base, holdout, slots, runs, taps))
+
+
+def whitened_table(
+    parts: Sequence[View],
+    base: Base,
+    holdout: Holdout,
+    slots: Sequence[Slot],
+    runs: Sequence[Run],
+    taps: Taps,
+) -> Table:
+    """The rows that the choice works on: whitened, the base model regressed out, fit part alone."""
+    fit = [run for run in whitened(runs, taps) if run.part == "fit"]
+    Q = base_directions(fit, base.size)
+
+    def freed(columns: list[Floats]) -> list[Floats]:
+        stacked = np.concatenate(columns)
+        stacked = stacked - Q @ (Q.T @ stacked)
+        return np.split(stacked, np.cumsum([len(part) for part in columns])[:-1])
+
+    def make(fresh: Sequence[Slot]) -> list[Floats]:
+        first = fresh[0].columns.start + base.size
+        moved = [_moved(slot, base.size) for slot in fresh]
+        raw = [run for view in parts for run in build_runs(view, base, moved, holdout, first=first)]
+        return freed([run.design for run in whitened(raw, taps) if run.part == "fit"])
+
+    targets = freed([run.target[:, None] for run in fit])
+    designs = freed([run.design[:, base.size :] for run in fit])
+    plain = [
+        replace(run, target=target[:, 0], design=design)
+        for run, target, design in zip(fit, targets, designs, strict=True)
     ]
-    return Case(tuple(parts), base, holdout, tuple(slots), tuple(runs), taps, table_of(plain, moved))
+    return table_of(plain, [_moved(slot, -base.size) for slot in slots], make)
+
+
+def _moved(slot: Slot, by: int) -> Slot:
+    return replace(slot, columns=slice(slot.columns.start + by, slot.columns.stop + by))
 
 
 def informed(parts: Sequence[View], base: Base, holdout: Holdout) -> list[View]:
@@ -122,6 +157,8 @@ def saturated(base: Base, slots: Sequence[Slot]) -> list[int]:
     """Columns of the base, and of every candidate at every few shapes: what leaves nothing but noise."""
     columns = list(range(base.size))
     for slot in slots:
+        if not is_known(slot):
+            continue
         shapes = slot.candidate.shapes
         if slot.shape in shapes[:: max(1, len(shapes) // 4)]:
             columns += range(slot.columns.start, slot.columns.stop)

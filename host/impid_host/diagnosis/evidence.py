@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from impid_host.diagnosis.rows import Run, mapped
+from impid_host.diagnosis.rows import Run
 from impid_host.signals.arrays import Floats
 
 _RIDGE = 1e-11
@@ -33,27 +33,17 @@ def gram(runs: Sequence[Run]) -> Gram:
     return Gram(total, rows)
 
 
-def without(runs: Sequence[Run], columns: int) -> tuple[list[Run], Floats]:
-    """Runs with their first `columns` columns regressed out (on the fit part) of target and other columns.
+def base_directions(fit: Sequence[Run], columns: int) -> Floats:
+    """Orthonormal directions of the first `columns` columns over all rows, (rows, columns).
 
     By QR on the rows themselves: the signal is ten thousand times the noise, and a Gram matrix would square
     that.
-
-    Returns:
-        the runs, narrower by `columns`, and the coefficients (columns, 1 + others) of target and others.
     """
-    fit = [run for run in runs if run.part == "fit"]
-    base = np.concatenate([run.design[:, :columns] for run in fit])
-    rest = np.concatenate([np.column_stack([run.target, run.design[:, columns:]]) for run in fit])
-    size = np.linalg.norm(base, axis=0) + 1e-300
-    Q, R = np.linalg.qr(base / size)
-    gain: Floats = np.linalg.solve(R, Q.T @ rest) / size[:, None]
-
-    def change(run: Run) -> tuple[Floats, Floats, int]:
-        fitted = run.design[:, :columns] @ gain
-        return run.target - fitted[:, 0], run.design[:, columns:] - fitted[:, 1:], 0
-
-    return mapped(runs, change), gain
+    design = np.concatenate([run.design[:, :columns] for run in fit])
+    design = design / (np.linalg.norm(design, axis=0) + 1e-300)
+    Q, R = np.linalg.qr(design)
+    result: Floats = Q[:, np.abs(np.diag(R)) > 1e-9]
+    return result
 
 
 def solve(G: Floats, columns: Sequence[int]) -> tuple[Floats, float]:

@@ -8,6 +8,8 @@ import numpy as np
 from impid_host.effects.effect import Candidate, Value
 from impid_host.signals.arrays import Floats
 
+UNATTRIBUTED = "unattributed"
+
 
 @dataclass(frozen=True, slots=True)
 class Number:

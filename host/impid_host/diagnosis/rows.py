@@ -66,10 +66,12 @@ def filtered(values: Floats, view: View) -> Floats:
     return values if view.rate_hz < 2.5 * CUTOFF_HZ else _LOW.apply(values, view.rate_hz)
 
 
-def build_runs(view: View, base: Base, slots: Sequence[Slot], holdout: Holdout) -> list[Run]:
-    """All rows of a trial."""
-    width = slots[-1].columns.stop if slots else base.size
-    blocks = _blocks(view, base, slots, width)
+def build_runs(
+    view: View, base: Base, slots: Sequence[Slot], holdout: Holdout, *, first: int = 0
+) -> list[Run]:
+    """All rows of a trial; with `first` > 0, the slots alone, whose columns begin there."""
+    width = (slots[-1].columns.stop if slots else base.size) - first
+    blocks = _blocks(view, base, slots, width, first)
     step = max(1, int(view.rate_hz / (2.2 * CUTOFF_HZ)))
     edge = int(_EDGE_S * view.rate_hz)
     runs = []
@@ -97,19 +99,21 @@ def build_runs(view: View, base: Base, slots: Sequence[Slot], holdout: Holdout) 
     return _without_clock_match(runs, view) if ANGLE in blocks else runs
 
 
-def _blocks(view: View, base: Base, slots: Sequence[Slot], width: int) -> dict[str, tuple[Floats, Floats]]:
+def _blocks(
+    view: View, base: Base, slots: Sequence[Slot], width: int, first: int
+) -> dict[str, tuple[Floats, Floats]]:
     measured = targets(view)
     blocks = {
         family: (measured[family], np.zeros((*measured[family].shape, width)))
         for family in FAMILIES
         if family in measured
     }
-    for family, columns in base.columns(view).items():
+    for family, columns in base.columns(view).items() if first == 0 else ():
         blocks[family][1][:, :, : base.size] = columns
     for slot in slots:
         for family, columns in slot.candidate.columns(view, slot.shape).items():
             if family in blocks:
-                blocks[family][1][:, :, slot.columns] = columns
+                blocks[family][1][:, :, slot.columns.start - first : slot.columns.stop - first] = columns
     return blocks
 
 
