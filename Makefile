@@ -5,7 +5,7 @@ BIN    := $(VENV)/bin
 STAMP  := $(VENV)/.installed
 C_SOURCES := $(wildcard firmware/core/*.[ch] firmware/generated/*.[ch] firmware/boards/native/*.[ch] hil_sim/plant/*.[ch] hil_sim/effects/*.[ch])
 
-.PHONY: help setup demo test lint test-python test-firmware validate clean
+.PHONY: help setup demo test lint firmware test-python test-firmware validate clean
 
 help: ## print this list
 	@grep -E '^[a-z-]+:.*## ' $(firstword $(MAKEFILE_LIST)) | sed -E 's/^([a-z-]+):.*## /  make \1\t/' | expand -t 24
@@ -34,11 +34,17 @@ lint: $(STAMP)
 	$(BIN)/ruff check .
 	$(BIN)/mypy
 	$(BIN)/python scripts/generate_protocol.py --check
-	scripts/check_firmware.sh
-
-test-firmware: $(STAMP)
 	scripts/system_packages.sh
+	scripts/check_firmware.sh
+	scripts/firmware_check.sh
+
+firmware: $(STAMP) ## build both boards and print sizes and stack against their budgets
+	scripts/system_packages.sh
+	scripts/firmware_build.sh
+
+test-firmware: firmware
 	scripts/pio.sh test -e native
+	scripts/pio.sh test -e qemu_cortex_m4
 
 test-python: $(STAMP)
 	scripts/system_packages.sh
