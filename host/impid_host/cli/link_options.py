@@ -21,7 +21,7 @@ def link_options(command: Command) -> Command:
             ),
             click.option(
                 "--can",
-                metavar="INTERFACE:CHANNEL[@BITRATE]",
+                metavar="INTERFACE:CHANNEL[@BITRATE][,OPTION=VALUE]",
                 help="CAN bus of any python-can interface, e.g. socketcan:can0, slcan:/dev/ttyACM0.",
             ),
             click.option(

@@ -138,14 +138,8 @@ def command(
 
 def _record(order: _Order, stopped: Callable[[], bool]) -> Outcome:
     with ExitStack() as stack:
-        link = stack.enter_context(closing(order.address.open()))
-        client = BoardClient(link)
-
-        def reopen() -> None:
-            link = order.address.open()
-            stack.callback(link.close)
-            client.use(link)
-
+        link = order.address.open()
+        client = stack.enter_context(closing(BoardClient(link)))
         carrier = link.carrier.name
         writer = RecordingWriter.create(
             order.out, _metadata(client, order, carrier), nominal_rate=order.speed, carrier=carrier
@@ -153,7 +147,11 @@ def _record(order: _Order, stopped: Callable[[], bool]) -> Outcome:
         summary = {"ending": "failed"}
         try:
             recorder = Recorder(
-                client, writer, nominal_rate=order.speed, reopen=reopen, patience_s=order.patience_s
+                client,
+                writer,
+                nominal_rate=order.speed,
+                open_link=order.address.open,
+                patience_s=order.patience_s,
             )
             recorder.identify()
             with progress_display(Console(stderr=True), order.out.name, order.duration_s) as show:

@@ -46,23 +46,25 @@ class CanLink:
 
     @classmethod
     def open(cls, address: str) -> Self:
-        """Open INTERFACE:CHANNEL[@BITRATE], any interface of python-can by its name.
+        """Open INTERFACE:CHANNEL[@BITRATE][,OPTION=VALUE...], any interface of python-can by its name.
 
-        INTERFACE alone takes the rest from python-can's own configuration file.
+        Options go to the interface as they are. INTERFACE alone takes the rest from python-can's own
+        configuration file.
 
         Raises:
             LinkError: there is no such interface or channel, or it cannot be opened.
         """
-        interface, _, rest = address.partition(":")
-        channel, _, bitrate = rest.rpartition("@")
-        if not (channel and bitrate.isdigit()):
-            channel, bitrate = rest, str(DEFAULT_BITRATE)
-        options: dict[str, Any] = {"bitrate": int(bitrate)} if channel else {}
-        if interface == "slcan":
-            options["sleep_after_open"] = _SLCAN_OPEN_S
+        interface, channel, options = parse_address(address)
         try:
-            bus = can.Bus(interface=interface, channel=channel or None, **options)
-        except (can.CanError, can.CanInterfaceNotImplementedError, OSError, ValueError, ImportError) as error:
+            bus = can.Bus(interface=interface, channel=channel, **options)
+        except (
+            can.CanError,
+            can.CanInterfaceNotImplementedError,
+            OSError,
+            ValueError,
+            TypeError,
+            ImportError,
+        ) as error:
             raise LinkError(
                 f"{address}: cannot be opened as a CAN bus ({_first_line(error)}); name INTERFACE:CHANNEL as "
                 "python-can does, for instance socketcan:can0 or slcan:/dev/ttyACM0"
@@ -145,6 +147,31 @@ class CanLink:
         if group:
             self._queue.put(Chunk.now(b"".join(group)))
         self._queue.put(None)
+
+
+def parse_address(address: str) -> tuple[str, str | None, dict[str, Any]]:
+    """Interface, channel and options of INTERFACE:CHANNEL[@BITRATE][,OPTION=VALUE...]."""
+    place, *extras = address.split(",")
+    interface, _, rest = place.partition(":")
+    channel, _, bitrate = rest.rpartition("@")
+    if not (channel and bitrate.isdigit()):
+        channel, bitrate = rest, str(DEFAULT_BITRATE)
+    options: dict[str, Any] = {"bitrate": int(bitrate)} if channel else {}
+    if interface == "slcan":
+        options["sleep_after_open"] = _SLCAN_OPEN_S
+    for extra in extras:
+        name, _, value = extra.partition("=")
+        options[name.strip()] = _value(value.strip())
+    return interface, channel or None, options
+
+
+def _value(text: str) -> int | float | bool | str:
+    if text.lower() in ("true", "false"):
+        return text.lower() == "true"
+    for kind in (int, float):
+        with contextlib.suppress(ValueError):
+            return kind(text)
+    return text
 
 
 class _InPieces:

@@ -7,6 +7,7 @@ request pumps until its answer is there, so nothing that arrives meanwhile is lo
 import random
 import time
 from collections import deque
+from collections.abc import Callable
 from dataclasses import dataclass, fields
 from typing import Protocol
 
@@ -96,10 +97,19 @@ class BoardClient:
         """What came over the link so far, and what was lost."""
         return self._decoder.counts
 
-    def use(self, link: Link) -> None:
-        """Go on over another link of the same carrier; what was decoded and counted before stays."""
-        self._link = link
+    def reconnect(self, open_link: Callable[[], Link]) -> None:
+        """Go on over another link of the same carrier; what was decoded and counted before stays.
+
+        Raises:
+            LinkError: it cannot be opened.
+        """
+        self._link.close()
+        self._link = open_link()
         self._pings.clear()
+
+    def close(self) -> None:
+        """Close the link."""
+        self._link.close()
 
     @property
     def name(self) -> str:

@@ -14,7 +14,7 @@ from typing import Any, Literal, Protocol
 from impid_host.clock.device import EXCHANGE_RATE_HZ, ClockEstimate, ClockExchange, OnlineClock
 from impid_host.errors import InputError, LinkError
 from impid_host.link.client import BoardClient
-from impid_host.link.link import Chunk
+from impid_host.link.link import Chunk, Link
 from impid_host.recording.watch import BoardWatch, WallClockWatch
 from impid_host.recording.writer import RecordingWriter
 from impid_host.wire.decoder import LinkCounts
@@ -74,7 +74,7 @@ class Recorder:
         client: over an open link.
         writer: the file.
         nominal_rate: board seconds in a host second.
-        reopen: opens the client's link again and hands it to the client; None: a broken link is the end.
+        open_link: opens the client's link again; None: a broken link is the end.
         patience_s: how long a board that is gone is waited for.
         onlooker: sees what is stored.
     """
@@ -85,15 +85,15 @@ class Recorder:
         writer: RecordingWriter,
         *,
         nominal_rate: float = 1.0,
-        reopen: Callable[[], None] | None = None,
+        open_link: Callable[[], Link] | None = None,
         patience_s: float = 0.0,
         onlooker: Onlooker | None = None,
     ) -> None:
         self._client = client
         self._writer = writer
         self._nominal_rate = nominal_rate
-        self._reopen = reopen
-        self._patience_s = patience_s if reopen is not None else 0.0
+        self._open_link = open_link
+        self._patience_s = patience_s if open_link is not None else 0.0
         self._onlooker = onlooker
         self._board = BoardWatch()
         self._wall = WallClockWatch()
@@ -255,8 +255,8 @@ class Recorder:
             if stopped():
                 return False
             try:
-                assert self._reopen is not None
-                self._reopen()
+                assert self._open_link is not None
+                self._client.reconnect(self._open_link)
                 now = self._client.identity()
                 if now != self._board.identity or not self._client.streaming():
                     self._start_again()

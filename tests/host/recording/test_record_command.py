@@ -178,7 +178,10 @@ def test_wrong_input_is_one_clear_line(tmp_path: Path, silent_port: str) -> None
     (tmp_path / "there.mcap").write_bytes(b"x")
     cases = [
         (["--port", "/dev/no-such", "--out", tmp_path / "a.mcap"], "no such port"),
-        (["--port", silent_port, "--out", tmp_path / "a.mcap"], "no answer from a board at any of the speeds 921600"),
+        (
+            ["--port", silent_port, "--out", tmp_path / "a.mcap"],
+            "no answer from a board at any of the speeds 921600",
+        ),
         (["--port", silent_port, "--out", tmp_path / "there.mcap"], "exists already"),
         (["--port", silent_port, "--out", tmp_path / "no" / "a.mcap"], "mkdir -p"),
     ]
