@@ -8,11 +8,14 @@ import click
 from rich.console import Console
 
 from impid_host.cli.inputs import load_inputs
-from impid_host.impedance.campaign import Options, StudyFit, fit_study
-from impid_host.impedance.identify import RobotFit
+from impid_host.cli.pair import PAIR
+from impid_host.impedance.campaign import Options, fit_study
+from impid_host.impedance.constrained import constrain as constrain_matrices
+from impid_host.impedance.joint_space import Limb, joint_impedance
 from impid_host.impedance.rows import Split
 from impid_host.report.fit_json import fit_json
-from impid_host.report.fit_tables import load_table, robot_table
+from impid_host.report.fit_page import print_fit
+from impid_host.report.wide_console import table_console
 from impid_host.robot.terms import TERMS
 from impid_host.signals.chain import CHAINS
 
@@ -57,13 +60,17 @@ from impid_host.signals.chain import CHAINS
     metavar="SECONDS",
     help="Hold out the end of each trial for validation (at most a fifth); 0 fits everything.",
 )
+@click.option("--constrain", is_flag=True, help="Also give M and K of arms symmetric and positive definite.")
+@click.option("--limb", type=PAIR, metavar="UPPER,FORE", help="Limb lengths, m: also give joint impedance.")
+@click.option("--shoulder", type=PAIR, metavar="X,Y", help="Where the shoulder is, m, in the robot's frame.")
+@click.option("--side", type=click.Choice(["right", "left"]), default="right", help="Which arm it is.")
 @click.option(
     "--json", "json_to", metavar="FILE|-", help="Also write the result as JSON (- for standard output)."
 )
 @click.option(
     "--figures", type=click.Path(path_type=Path, file_okay=False), help="Write figures (PNG) to this folder."
 )
-def command(  # noqa: PLR0917  (click hands over every option by name)
+def command(
     paths: tuple[Path, ...],
     robot_log: tuple[Path, ...],
     setup: Path | None,
@@ -72,6 +79,10 @@ def command(  # noqa: PLR0917  (click hands over every option by name)
     cutoff: float | None,
     terms: tuple[str, ...],
     validate: float,
+    constrain: bool,
+    limb: tuple[float, float] | None,
+    shoulder: tuple[float, float] | None,
+    side: str,
     json_to: str | None,
     figures: Path | None,
 ) -> None:
@@ -79,14 +90,17 @@ def command(  # noqa: PLR0917  (click hands over every option by name)
 
     The robot's parameters come from the free trials (or from [prior] in setup.toml when there are none);
     then every load, all its trials together, by Method 1 (virtual force sensor) and, where the log has
-    forces, Method 2 (physical sensor).
+    forces, Method 2 (physical sensor). Stochastic trials also go through the spectral method, with a
+    statement of where the two disagree. What a trial is stands in its trial.toml.
 
     \b
     Examples:
       impid-host fit study/
       impid-host fit study/ --json result.json --figures figures/
+      impid-host fit arm_study/ --constrain --limb 0.30,0.33 --shoulder 0.37,-0.50
       impid-host fit emps/ --chain emps --with friction.coulomb --with actuator.offset --validate 0
     """
+    geometry = _limb(limb, shoulder, side)
     study = load_inputs(paths, robot_log, setup)
     row = CHAINS[chain] if cutoff is None else CHAINS[chain].with_cutoff(cutoff)
     options = Options(row, acceleration, terms, Split(validate))
@@ -98,27 +112,37 @@ def command(  # noqa: PLR0917  (click hands over every option by name)
             from impid_host.report.fit_figures import draw_study  # noqa: PLC0415  (matplotlib is slow to import)
 
             drawn = draw_study(result, figures)
+    handle = study.setup.handle_mass_kg
+    arms = [fit for fit in result.loads if fit.model.name == "arm" and len(fit.model.axes) == 2]
+    tight = [constrain_matrices(fit, handle) for fit in arms] if constrain else []
+    joints = [] if geometry is None else [joint_impedance(fit, geometry, handle) for fit in arms]
     if json_to != "-":
-        _print(result)
+        print_fit(table_console(), result, tight, joints)
         if figures is not None:
             click.echo(f"{len(drawn)} figures in {figures}")
     if json_to is not None:
-        text = json.dumps(
-            fit_json(result.study, result.chain, result.trials, result.robot, result.loads), indent=2
+        document = fit_json(
+            result.study,
+            result.chain,
+            result.trials,
+            result.robot,
+            result.loads,
+            spectral=result.spectral,
+            constrained=tight,
+            joints=joints,
         )
+        text = json.dumps(document, indent=2)
         if json_to == "-":
             click.echo(text)
         else:
             Path(json_to).write_text(text + "\n", encoding="utf-8")
 
 
-def _print(result: StudyFit) -> None:
-    console = Console()
-    if isinstance(result.robot, RobotFit):
-        console.print(robot_table(result.robot))
-    else:
-        console.print(
-            "Robot parameters from \\[prior] in setup.toml; their uncertainty is unknown and not propagated."
-        )
-    for load in dict.fromkeys(fit.load for fit in result.loads):
-        console.print(load_table([fit for fit in result.loads if fit.load == load]))
+def _limb(limb: tuple[float, float] | None, shoulder: tuple[float, float] | None, side: str) -> Limb | None:
+    if limb is None:
+        return None
+    if shoulder is None:
+        raise click.UsageError("--limb needs to know where the shoulder is: add --shoulder X,Y")
+    if min(limb) <= 0:
+        raise click.UsageError("--limb: lengths must be positive, in metres")
+    return Limb(*limb, shoulder, side)

@@ -4,12 +4,12 @@ import json
 from pathlib import Path
 
 import click
-from rich.console import Console
 
 from impid_host.cli.inputs import load_inputs
 from impid_host.errors import UndeterminedError
 from impid_host.report.fit_json import clock_json
 from impid_host.report.fit_tables import clock_table
+from impid_host.report.wide_console import table_console
 from impid_host.signals.align import match_trial
 
 
@@ -48,7 +48,7 @@ def command(
         )
     fits = [(trial.name, match_trial(trial, study.setup)) for trial in trials]
     if json_to != "-":
-        Console().print(clock_table(fits))
+        table_console().print(clock_table(fits))
     if json_to is not None:
         document = {
             "format": "impid-sync/1",

@@ -1,19 +1,20 @@
 """A whole study through the identification: align every trial, the robot first, then load by load."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from impid_host.errors import UndeterminedError
 from impid_host.impedance.identify import LoadFit, RobotFit, RobotParameters, identify_load, identify_robot
-from impid_host.impedance.loads import load_model
+from impid_host.impedance.loads import LoadKind, load_model
 from impid_host.impedance.rows import Split
+from impid_host.impedance.stochastic import SpectralFit, fit_spectral
 from impid_host.robot.model import RobotModel, robot_model
 from impid_host.robot.terms import RobotStructure, robot_structure
 from impid_host.signals.align import AccelerationSource, AlignedTrial, align
 from impid_host.signals.chain import DEFAULT, Chain
-from impid_host.study.model import Setup, Study, Trial
+from impid_host.study.model import Setup, Study
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,6 +43,8 @@ class StudyFit:
     trials: tuple[AlignedTrial, ...]
     robot: RobotFit | RobotParameters
     loads: tuple[LoadFit, ...]
+    spectral: tuple[SpectralFit, ...] = ()
+    handle_mass_kg: float = 0.0
 
 
 def _silent(_words: str) -> None:
@@ -60,7 +63,7 @@ def fit_study(study: Study, options: Options, progress: Callable[[str], None] = 
     model = robot_model(study.setup.robot)
     structure = robot_structure(model, options.terms)
     trials = []
-    for trial in study.of_kind("free", "mass-spring", "arm"):
+    for trial in study.trials:
         progress(f"aligning {trial.name}")
         trials.append(align(trial, study.setup, model, options.chain, options.acceleration))
     progress("identifying the robot")
@@ -72,31 +75,49 @@ def fit_study(study: Study, options: Options, progress: Callable[[str], None] = 
     else:
         robot = parameters = prior_parameters(study, structure)
     loads: list[LoadFit] = []
-    for members in _by_load(study.of_kind("mass-spring", "arm"), trials):
+    spectral: list[SpectralFit] = []
+    for members in _by_load(trials):
         progress(f"identifying {members[0].load}")
-        loads += fit_load(members, study.setup, model, parameters, options)
-    return StudyFit(study.name, options.chain.name, tuple(trials), robot, tuple(loads))
+        loads += fit_load(members, study.setup, model, parameters, options, _shaken(study, members))
+        if members[0].kind == "stochastic":
+            spectral += fit_shaken(members, study.setup, parameters, options, _shaken(study, members))
+    return StudyFit(
+        study.name,
+        options.chain.name,
+        tuple(trials),
+        robot,
+        tuple(loads),
+        tuple(spectral),
+        study.setup.handle_mass_kg,
+    )
 
 
 def fit_load(
-    members: list[AlignedTrial], setup: Setup, model: RobotModel, robot: RobotParameters, options: Options
+    members: list[AlignedTrial],
+    setup: Setup,
+    model: RobotModel,
+    robot: RobotParameters,
+    options: Options,
+    kind: LoadKind | None = None,
 ) -> list[LoadFit]:
     """One load by Method 1, and by Method 2 over those of its trials that have forces.
 
+    `kind` says what the load is; by default it is what its trials are.
+
+    A joint-1d torque is measured at the load itself, so there Method 2 is all there is.
+
     Raises:
-        UndeterminedError: the robot model has no plane for the load to move in.
+        UndeterminedError: the load's trials are of more than one kind.
     """
     kinds = {trial.kind for trial in members}
     if len(kinds) > 1:
         raise UndeterminedError(
             f"load {members[0].load} has trials of kinds {', '.join(sorted(kinds))}; name them apart"
         )
-    if len(model.task_axes) != 2:
-        raise UndeterminedError(
-            f"load {members[0].load}: {model.name} has no plane for a {members[0].kind} load"
-        )
-    load = load_model(kinds.pop())
-    measured = [trial for trial in members if trial.force is not None]
+    load = load_model(kind or kinds.pop(), tuple(model.task_axes))
+    # A log's fx, fy are forces in the plane; a single axis has only its own.
+    planar = len(model.task_axes) == 2
+    measured = [trial for trial in members if trial.force is not None and planar]
     rounds: list[tuple[list[AlignedTrial], RobotParameters | None]] = [(members, robot)]
     if measured:
         rounds.append((measured, None))
@@ -108,6 +129,24 @@ def fit_load(
     ]
 
 
+def fit_shaken(
+    members: list[AlignedTrial], setup: Setup, robot: RobotParameters, options: Options, on: LoadKind
+) -> list[SpectralFit]:
+    """One load's stochastic trials by the spectral method, by either sensor where there are two.
+
+    Raises:
+        UndeterminedError: the trials are too short or too poor for spectra.
+    """
+    measured = [trial for trial in members if trial.force is not None]
+    rounds: list[tuple[list[AlignedTrial], RobotParameters | None]] = [(members, robot)]
+    if measured:
+        rounds.append((measured, None))
+    return [
+        fit_spectral(part, on, options.chain, options.split, robot=known, handle_mass_kg=setup.handle_mass_kg)
+        for part, known in rounds
+    ]
+
+
 def prior_parameters(study: Study, structure: RobotStructure) -> RobotParameters:
     """Robot parameters from setup.toml, where a study has no free trials.
 
@@ -115,24 +154,39 @@ def prior_parameters(study: Study, structure: RobotStructure) -> RobotParameters
         UndeterminedError: no prior, or one that does not fit the model.
     """
     prior = study.setup.prior_alpha
+    size = len(structure.parameter_names)
+    if prior is None and structure.model.name == "joint-1d":
+        return RobotParameters(structure, np.zeros(size), np.zeros((size, size)), "none")
     if prior is None:
         raise UndeterminedError(
             f"study {study.name}: no free trial and no [prior] alpha in setup.toml, so the robot is unknown; "
             "record a free trial"
         )
-    if len(prior) != len(structure.parameter_names):
+    if len(prior) != size:
         raise UndeterminedError(
             f"study {study.name}: [prior] alpha has {len(prior)} values, the model with its terms needs "
-            f"{len(structure.parameter_names)}: {', '.join(structure.parameter_names)}"
+            f"{size}: {', '.join(structure.parameter_names)}"
         )
-    size = len(prior)
     return RobotParameters(structure, np.array(prior), np.zeros((size, size)), "prior")
 
 
-def _by_load(trials: tuple[Trial, ...], aligned: list[AlignedTrial]) -> list[list[AlignedTrial]]:
-    groups: dict[str, list[AlignedTrial]] = {}
-    wanted = {trial.name for trial in trials}
+def _shaken(study: Study, members: list[AlignedTrial]) -> LoadKind:
+    """What the load is: a stochastic trial says it under `on`."""
+    trial = next(trial for trial in study.trials if trial.name == members[0].name)
+    kind = trial.on if trial.kind == "stochastic" else trial.kind
+    return "mass-spring" if kind == "mass-spring" else "arm"
+
+
+def _by_load(aligned: list[AlignedTrial]) -> list[list[AlignedTrial]]:
+    """Trials with a load, grouped by its name; stochastic trials apart from the others of the same name."""
+    groups: dict[tuple[str, bool], list[AlignedTrial]] = {}
     for trial in aligned:
-        if trial.name in wanted:
-            groups.setdefault(trial.load, []).append(trial)
-    return list(groups.values())
+        if trial.kind != "free":
+            groups.setdefault((trial.load, trial.kind == "stochastic"), []).append(trial)
+    shared = {load for load, stochastic in groups if stochastic and (load, False) in groups}
+    return [
+        [replace(trial, load=f"{load}_stochastic") for trial in members]
+        if stochastic and load in shared
+        else members
+        for (load, stochastic), members in groups.items()
+    ]

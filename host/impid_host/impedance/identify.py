@@ -1,15 +1,16 @@
 """Identification in the time domain: robot from free trials, loads by virtual and by physical sensor."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from scipy import stats
 
 from impid_host.errors import UndeterminedError
 from impid_host.impedance.linear import Estimate, Stretch, fit_linear
 from impid_host.impedance.loads import LoadModel
+from impid_host.impedance.matrices import Quantity, load_matrices
 from impid_host.impedance.rows import Equation, Series, Split, finish, series, stretches
 from impid_host.impedance.virtual_sensor import through_jacobian
 from impid_host.robot.terms import RobotStructure
@@ -27,13 +28,13 @@ class RobotParameters:
     Attributes:
         structure: the model and its optional terms.
         value: (p,); covariance: (p, p), zero where it is not known.
-        origin: "free trials" or "prior".
+        origin: "free trials", "prior", or "none" for a torque sensor that carries nothing but the load.
     """
 
     structure: RobotStructure
     value: Floats
     covariance: Floats
-    origin: Literal["free trials", "prior"]
+    origin: Literal["free trials", "prior", "none"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,21 +57,13 @@ class RobotFit:
 
 
 @dataclass(frozen=True, slots=True)
-class Quantity:
-    """A vector or matrix with its 95 % interval: `ci95` has one more axis (low, high) than `value`."""
-
-    value: Floats
-    ci95: Floats
-    unit: str
-
-
-@dataclass(frozen=True, slots=True)
 class LoadFit:
     """One load identified by one method.
 
     Attributes:
-        M, B, K: (2, 2), the handle taken off M where it moves with the load; None where the model has none.
-        x0: equilibrium, (2,), m; its interval by the delta method.
+        M, B, K: (d, d), the handle taken off M where it moves with the load; None where the model has none.
+        x0: equilibrium, (d,), m (rad); its interval by the delta method.
+        robot_origin: where the robot's parameters came from, for Method 1; None for Method 2.
         vaf: per axis on the held-out rows, %, averaged over trials; rms: likewise, N.
         held_out: False when nothing was held out, and vaf and rms are those of the fitted rows.
         sources: where each trial's accelerations came from.
@@ -89,6 +82,7 @@ class LoadFit:
     held_out: bool
     series: tuple[Series, ...]
     sources: tuple[str, ...]
+    robot_origin: str | None = None
 
 
 def robot_equation(trial: AlignedTrial, structure: RobotStructure, chain: Chain) -> Equation:
@@ -130,7 +124,8 @@ def identify_robot(
     equations = [robot_equation(trial, structure, chain) for trial in trials]
     rows = _fit_rows(equations, chain, split)
     names, units = structure.parameter_names, structure.parameter_units
-    estimate = fit_linear(rows, names, units, ar_order=chain.ar_order)
+    with _named("robot", trials):
+        estimate = fit_linear(rows, names, units, ar_order=chain.ar_order)
     shown = _series(equations, estimate.value, chain, split)
     parameters = RobotParameters(structure, estimate.value, estimate.covariance, "free trials")
     return RobotFit(
@@ -162,56 +157,43 @@ def identify_load(
         equations = [physical_equation(trial, load, chain) for trial in trials]
     else:
         equations = [virtual_equation(trial, robot, load, chain) for trial in trials]
-    estimate = fit_linear(
-        _fit_rows(equations, chain, split),
-        load.parameter_names,
-        load.parameter_units,
-        ar_order=chain.ar_order,
-        nuisance_covariance=None if robot is None else robot.covariance,
-    )
+    rows = _fit_rows(equations, chain, split)
+    with _named(f"load {trials[0].load}", trials):
+        estimate = fit_linear(
+            rows,
+            load.parameter_names,
+            load.parameter_units,
+            ar_order=chain.ar_order,
+            nuisance_covariance=None if robot is None else robot.covariance,
+        )
     shown = _series(equations, estimate.value, chain, split)
-    handle = handle_mass_kg if load.carries_handle else 0.0
-    M = _matrix(load, estimate, "a", "kg")
-    has_damping = any(column.signal == "v" for column in load.columns)
+    matrices = load_matrices(load, estimate, handle_mass_kg)
     return LoadFit(
         load=trials[0].load,
         model=load,
-        method="physical sensor" if robot is None else "virtual sensor",
+        method="physical sensor" if robot is None or load.rotary else "virtual sensor",
         estimate=estimate,
-        M=Quantity(M.value - handle * np.eye(2), M.ci95 - handle * np.eye(2)[:, :, None], M.unit),
-        B=_matrix(load, estimate, "v", "N*s/m") if has_damping else None,
-        K=_matrix(load, estimate, "x", "N/m"),
-        x0=equilibrium(load, estimate),
+        M=matrices.M,
+        B=matrices.B,
+        K=matrices.K,
+        x0=matrices.x0,
         vaf=np.mean([part.vaf() for part in shown], axis=0),
         rms=np.sqrt(np.mean([part.rms() ** 2 for part in shown], axis=0)),
         held_out=split.validation_s > 0,
         series=shown,
         sources=tuple(trial.source for trial in trials),
+        robot_origin=None if robot is None else robot.origin,
     )
 
 
-def equilibrium(load: LoadModel, estimate: Estimate) -> Quantity:
-    """x0 = K^-1 (K x0) with its interval by the delta method, m."""
-    S = load.matrix_map("x")
-    place = [load.parameter_names.index("cx"), load.parameter_names.index("cy")]
-    K = (S @ estimate.value).reshape(2, 2)
-    x0: Floats = np.linalg.solve(K, estimate.value[place]).astype(np.float64)
-    # d x0 = K^-1 (d c - dK x0)
-    slope: Floats = np.zeros((2, len(estimate.value)))
-    slope[:, place] = np.eye(2)
-    slope -= np.einsum("ijq,j->iq", S.reshape(2, 2, -1), x0)
-    slope = np.linalg.solve(K, slope).astype(np.float64)
-    variance = np.diag(slope @ estimate.covariance @ slope.T)
-    half = stats.t.ppf(0.975, estimate.dof) * np.sqrt(variance)
-    return Quantity(x0, np.stack([x0 - half, x0 + half], axis=1), "m")
-
-
-def _matrix(load: LoadModel, estimate: Estimate, signal: Literal["a", "v", "x"], unit: str) -> Quantity:
-    S = load.matrix_map(signal)
-    value = S @ estimate.value
-    half = stats.t.ppf(0.975, estimate.dof) * np.sqrt(np.diag(S @ estimate.covariance @ S.T))
-    interval = np.stack([value - half, value + half], axis=1)
-    return Quantity(value.reshape(2, 2), interval.reshape(2, 2, 2), unit)
+@contextmanager
+def _named(what: str, trials: Sequence[AlignedTrial]) -> Iterator[None]:
+    """Errors of the regression say whose it was."""
+    try:
+        yield
+    except UndeterminedError as error:
+        names = ", ".join(trial.name for trial in trials)
+        raise UndeterminedError(f"{what} (from {names}): {error}") from error
 
 
 def _fit_rows(equations: Sequence[Equation], chain: Chain, split: Split) -> list[Stretch]:

@@ -2,15 +2,26 @@
 
 import numpy as np
 
+from impid_host.errors import UndeterminedError
 from impid_host.robot.model import RobotModel
 from impid_host.signals.arrays import Floats
 
 
 def through_jacobian(model: RobotModel, theta: Floats, joint_side: Floats) -> Floats:
-    """J^-T applied to joint-side quantities: (N, n) or (N, n, p) -> (N, d) or (N, d, p)."""
+    """J^-T applied to joint-side quantities: (N, n) or (N, n, p) -> (N, d) or (N, d, p).
+
+    With more joints than axes it is the least-squares inverse.
+
+    Raises:
+        UndeterminedError: fewer joints than axes.
+    """
     J_T: Floats = np.swapaxes(model.jacobian(theta), 1, 2)
     columns = joint_side[:, :, None] if joint_side.ndim == 2 else joint_side
-    solved: Floats = np.asarray(np.linalg.solve(J_T, columns), dtype=np.float64)
+    n, d = J_T.shape[1:]
+    if n < d:
+        raise UndeterminedError(f"{n} joint torque(s) do not determine a force along {d} axes")
+    inverse = np.linalg.solve(J_T, columns) if n == d else np.linalg.pinv(J_T) @ columns
+    solved: Floats = np.asarray(inverse, dtype=np.float64)
     return solved[:, :, 0] if joint_side.ndim == 2 else solved
 
 

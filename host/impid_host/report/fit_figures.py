@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from impid_host.impedance.campaign import StudyFit
 from impid_host.impedance.identify import LoadFit, RobotFit
 from impid_host.impedance.rows import Series
+from impid_host.report.ellipses import ellipse_figure
 from impid_host.report.fit_tables import judged_on
 from impid_host.report.parameter_entries import parameter_entries
 
@@ -49,6 +50,9 @@ def draw_study(result: StudyFit, folder: Path) -> list[Path]:
             fits = [fit for fit in result.loads if fit.load == load]
             paths.append(_save(load_figure(fits), folder / f"load_{load}.png"))
             paths.append(_save(parameter_figure(fits), folder / f"parameters_{load}.png"))
+            if len(fits[0].model.axes) == 2:
+                figure = ellipse_figure(fits, result.handle_mass_kg)
+                paths.append(_save(figure, folder / f"ellipses_{load}.png"))
             if len(fits) > 1:
                 paths.append(_save(force_figure(*fits[:2]), folder / f"force_{load}.png"))
     return paths
@@ -74,11 +78,15 @@ def load_figure(fits: Sequence[LoadFit]) -> Figure:
     """Force of the load, by the virtual sensor and by the load's model, with the residual below."""
     fit = fits[0]
     part = _negative(fit.series[0])
+    unit = fit.model.force_unit.replace("*", " ")
     notes = [
-        f"VAF {vaf:.2f} %, residual {_three(rms)} N rms" for vaf, rms in zip(fit.vaf, fit.rms, strict=True)
+        f"VAF {vaf:.2f} %, residual {_three(rms)} {unit} rms"
+        for vaf, rms in zip(fit.vaf, fit.rms, strict=True)
     ]
     title = f"Load {fit.load} on {judged_on(fit)}, {part.trial}"
-    return _against(part, [f"$F_{axis}$ (N)" for axis in "xy"], notes, title, (fit.method, "load model"))
+    labels = ["torque (N m)"] if fit.model.rotary else [f"$F_{axis}$ (N)" for axis in fit.model.axes]
+    source = "measured torque" if fit.model.rotary else fit.method
+    return _against(part, labels, notes, title, (source, "load model"))
 
 
 def force_figure(virtual: LoadFit, physical: LoadFit) -> Figure:

@@ -3,8 +3,14 @@
 from collections.abc import Sequence
 from typing import Any
 
+import numpy as np
+
 from impid_host.clock.robot import RobotClockFit
-from impid_host.impedance.identify import LoadFit, Quantity, RobotFit, RobotParameters
+from impid_host.impedance.constrained import Constrained
+from impid_host.impedance.identify import LoadFit, RobotFit, RobotParameters
+from impid_host.impedance.joint_space import JointImpedance
+from impid_host.impedance.matrices import Quantity
+from impid_host.impedance.stochastic import SpectralFit
 from impid_host.signals.align import AlignedTrial
 from impid_host.signals.arrays import Floats
 
@@ -18,11 +24,21 @@ def fit_json(
     trials: Sequence[AlignedTrial],
     robot: RobotFit | RobotParameters,
     loads: Sequence[LoadFit],
+    *,
+    spectral: Sequence[SpectralFit] = (),
+    constrained: Sequence[Constrained] = (),
+    joints: Sequence[JointImpedance] = (),
 ) -> Json:
     """The result of `fit`, format impid-fit/1. SI units; vectors [x, y], matrices [[xx, xy], [yx, yy]]."""
     by_load: dict[str, Json] = {}
     for fit in loads:
         by_load.setdefault(fit.load, {"model": fit.model.name})[_METHODS[fit.method]] = _load(fit)
+    for shaken in spectral:
+        by_load[shaken.load].setdefault("spectral", {})[_METHODS[shaken.method]] = _spectral(shaken)
+    for tight in constrained:
+        by_load[tight.load].setdefault("constrained", {})[_METHODS[tight.method]] = _constrained(tight)
+    for joint in joints:
+        by_load[joint.load].setdefault("joint_space", {})[_METHODS[joint.method]] = _joint(joint)
     return {
         "format": "impid-fit/1",
         "study": study,
@@ -90,7 +106,7 @@ def _robot(robot: RobotFit | RobotParameters) -> Json:
 
 
 def _load(fit: LoadFit) -> Json:
-    keys = ["fx", "fy"]
+    keys = ["torque"] if fit.model.rotary else [f"f{axis}" for axis in fit.model.axes]
     quantities = {"M": fit.M, "B": fit.B, "K": fit.K, "x0": fit.x0}
     return {name: _quantity(q) for name, q in quantities.items() if q is not None} | {
         "acceleration": sorted(set(fit.sources)),
@@ -99,6 +115,48 @@ def _load(fit: LoadFit) -> Json:
         "validation_rms": _keyed(keys, fit.rms),
         "relative_error_percent": fit.estimate.relative_error_percent,
         "trials": [part.trial for part in fit.series],
+    }
+
+
+def _spectral(fit: SpectralFit) -> Json:
+    both = fit.against
+    return {name: _quantity(getattr(fit, name)) for name in "MBK"} | {
+        "estimate": "derived" if fit.estimate.derived is not None else "direct",
+        "segments": fit.estimate.segments,
+        "agreement": [
+            {
+                "upper_Hz": part.upper_Hz,
+                "vaf": [[float(v) if np.isfinite(v) else None for v in row] for row in part.vaf_percent],
+                "r_squared": part.r_squared,
+            }
+            for part in fit.estimate.best.agreement
+        ],
+        "checks": [str(check) for check in fit.estimate.checks],
+        "against_time_domain": {
+            "verdict": both.verdict,
+            "quantities": {
+                name: {"time_domain": float(a), "spectral": float(b), "standard_errors_apart": float(z)}
+                for name, a, b, z in zip(both.names, both.first, both.second, both.z, strict=True)
+            },
+        },
+        "trials": list(fit.trials),
+    }
+
+
+def _constrained(fit: Constrained) -> Json:
+    quantities = {name: getattr(fit.matrices, name) for name in ("M", "B", "K", "x0")}
+    return {name: _quantity(q) for name, q in quantities.items() if q is not None} | {
+        "chi2": fit.chi2,
+        "p_value": fit.p_value,
+        "on_boundary": list(fit.on_boundary),
+        "verdict": fit.verdict,
+    }
+
+
+def _joint(joint: JointImpedance) -> Json:
+    quantities = {"inertia": joint.inertia, "damping": joint.damping, "stiffness": joint.stiffness}
+    return {"posture_rad": joint.posture.tolist()} | {
+        name: _quantity(q) for name, q in quantities.items() if q is not None
     }
 
 

@@ -7,11 +7,14 @@ from rich import box
 from rich.table import Table
 
 from impid_host.clock.robot import RobotClockFit
+from impid_host.impedance.constrained import Constrained
 from impid_host.impedance.identify import LoadFit, RobotFit
+from impid_host.impedance.joint_space import JointImpedance
+from impid_host.impedance.stochastic import SpectralFit
 from impid_host.report.parameter_entries import parameter_entries
 from impid_host.signals.arrays import Floats
 
-_AXES = ("x", "y")
+_METHODS = {"virtual sensor": "Method 1", "physical sensor": "Method 2"}
 
 
 def robot_table(fit: RobotFit) -> Table:
@@ -29,7 +32,7 @@ def robot_table(fit: RobotFit) -> Table:
         ("95 % interval", "right"),
         ("unit", "left"),
     ):
-        table.add_column(heading, justify=justify)  # type: ignore[arg-type]
+        table.add_column(heading, justify=justify, overflow="fold")  # type: ignore[arg-type]
     for name, unit, value, ci in zip(
         estimate.names, estimate.units, estimate.value, estimate.ci95, strict=True
     ):
@@ -40,30 +43,106 @@ def robot_table(fit: RobotFit) -> Table:
 def load_table(fits: Sequence[LoadFit]) -> Table:
     """One load, the methods side by side."""
     first = fits[0]
-    table = Table(
-        title=f"Load {first.load} ({first.model.name}), {len(first.series)} trial(s)", title_justify="left"
-    )
-    table.add_column("quantity")
-    for number_of_method, fit in enumerate(fits):
-        label = {"virtual sensor": "Method 1", "physical sensor": "Method 2"}.get(
-            fit.method, str(number_of_method + 1)
+    table = _table(f"Load {first.load} ({first.model.name}), {len(first.series)} trial(s)")
+    table.add_column("quantity", overflow="fold")
+    for fit in fits:
+        table.add_column(
+            f"{_METHODS[fit.method]}\n{sensor(fit)}\n(+- 95 %)", justify="right", overflow="fold"
         )
-        table.add_column(f"{label}\n{fit.method}\n(+- 95 %)", justify="right")
-    table.add_column("unit")
+    table.add_column("unit", overflow="fold")
     for entry in parameter_entries(first):
         table.add_row(entry.label, *(plus_minus(*entry.of(fit)) for fit in fits), entry.unit)
-    for axis, label in enumerate(_AXES):
+    for axis, label in enumerate(first.model.axes):
         table.add_row(f"VAF {label}, {judged_on(first)}", *(f"{fit.vaf[axis]:.2f}" for fit in fits), "%")
-    for axis, label in enumerate(_AXES):
-        table.add_row(f"residual rms {label}", *(f"{fit.rms[axis]:.3g}" for fit in fits), "N")
+    for axis, label in enumerate(first.model.axes):
+        unit = first.model.force_unit
+        table.add_row(f"residual rms {label}", *(f"{fit.rms[axis]:.3g}" for fit in fits), unit)
     return table
+
+
+def constrained_table(pairs: Sequence[tuple[LoadFit, Constrained]]) -> Table:
+    """M and K as they are and symmetric positive definite, method by method."""
+    first = pairs[0][0]
+    words = "\n".join(f"{_METHODS[fit.method]}: {constrained.verdict}" for fit, constrained in pairs)
+    table = _table(f"Load {first.load}: M and K symmetric and positive definite", words)
+    table.add_column("quantity", overflow="fold")
+    for fit, _ in pairs:
+        for heading in ("unconstrained", "constrained"):
+            table.add_column(f"{_METHODS[fit.method]}\n{heading}", justify="right", overflow="fold")
+    table.add_column("unit", overflow="fold")
+    for entry in parameter_entries(first):
+        cells = []
+        for fit, constrained in pairs:
+            cells += [plus_minus(*entry.of(fit)), plus_minus(*entry.of(constrained.matrices))]
+        table.add_row(entry.label, *cells, entry.unit)
+    return table
+
+
+def joint_table(joints: Sequence[JointImpedance]) -> Table:
+    """Shoulder and elbow impedance, the methods side by side; s is the shoulder, e the elbow."""
+    first = joints[0]
+    angles = ", ".join(
+        f"{name} {np.rad2deg(angle):.1f} deg"
+        for name, angle in zip(("shoulder", "elbow flexion"), first.posture, strict=True)
+    )
+    table = _table(f"Load {first.load} in the arm's joints, at {angles}")
+    table.add_column("quantity", overflow="fold")
+    for joint in joints:
+        table.add_column(f"{_METHODS[joint.method]}\n(+- 95 %)", justify="right", overflow="fold")
+    table.add_column("unit", overflow="fold")
+    for letter, name in (("I", "inertia"), ("B", "damping"), ("K", "stiffness")):
+        quantities = [getattr(joint, name) for joint in joints]
+        for i, row in enumerate("se"):
+            for j, column in enumerate("se"):
+                if quantities[0] is not None:
+                    cells = (plus_minus(float(q.value[i, j]), q.ci95[i, j]) for q in quantities)
+                    table.add_row(f"{letter}{row}{column}", *cells, quantities[0].unit)
+    return table
+
+
+def spectral_table(fits: Sequence[SpectralFit]) -> Table:
+    """One stochastic load: time domain and spectral side by side for each sensor, and where they disagree."""
+    first = fits[0]
+    words = [f"{_METHODS[fit.method]}: {fit.against.verdict}" for fit in fits]
+    words += [str(check) for check in first.estimate.checks]
+    words += [
+        f"{_METHODS[fit.method]}, model against estimate, {agreement}"
+        for fit in fits
+        for agreement in fit.estimate.best.agreement
+    ]
+    table = _table(
+        f"Load {first.load} ({first.on}), {len(first.trials)} stochastic trial(s), full matrices, +- 95 %",
+        "\n".join(words),
+    )
+    table.add_column("quantity", overflow="fold")
+    for fit in fits:
+        for heading in ("time domain", "spectral", "apart\n(std. errors)"):
+            table.add_column(f"{_METHODS[fit.method]}\n{heading}", justify="right", overflow="fold")
+    for k, name in enumerate(first.against.names):
+        cells: list[str] = []
+        for fit in fits:
+            both = fit.against
+            for value, sd in ((both.first[k], both.first_sd[k]), (both.second[k], both.second_sd[k])):
+                cells.append(plus_minus(float(value), value + 1.96 * np.array([-sd, sd])))
+            cells.append(f"{both.z[k]:+.1f}")
+        table.add_row(name, *cells)
+    return table
+
+
+def sensor(fit: LoadFit) -> str:
+    """What measured the force, in words."""
+    return "measured torque" if fit.model.rotary else fit.method
+
+
+def _table(title: str, caption: str | None = None) -> Table:
+    return Table(title=title, title_justify="left", caption=caption, caption_justify="left")
 
 
 def clock_table(fits: Sequence[tuple[str, RobotClockFit]]) -> Table:
     """Offset and drift of the module's clock against the robot's, trial by trial."""
     title = "Module clock minus robot clock at the centre of the overlap; +- is the 95 % interval"
     table = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
-    table.add_column("trial")
+    table.add_column("trial", overflow="fold")
     for heading in (
         "offset\ns",
         "+-\nus",

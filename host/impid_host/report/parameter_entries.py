@@ -2,10 +2,10 @@
 
 from dataclasses import dataclass
 
-from impid_host.impedance.identify import LoadFit, Quantity
+from impid_host.impedance.identify import LoadFit
+from impid_host.impedance.loads import Signal
+from impid_host.impedance.matrices import Matrices, Quantity
 from impid_host.signals.arrays import Floats
-
-_AXES = ("x", "y")
 
 
 @dataclass(frozen=True, slots=True)
@@ -18,26 +18,20 @@ class Entry:
     unit: str
     scale: float = 1.0
 
-    def of(self, fit: LoadFit) -> tuple[float, Floats]:
+    def of(self, fit: LoadFit | Matrices) -> tuple[float, Floats]:
         """Value and 95 % interval (2,), in `unit`."""
         quantity: Quantity = getattr(fit, self.quantity)
         return float(quantity.value[self.index]) * self.scale, quantity.ci95[self.index] * self.scale
 
 
 def parameter_entries(fit: LoadFit) -> list[Entry]:
-    """The entries of a load; a scalar mass or a symmetric matrix shows each number once."""
-    if fit.model.name == "mass-spring":
-        own = [
-            Entry("m", "M", (0, 0), "kg"),
-            Entry("kxx", "K", (0, 0), "N/m"),
-            Entry("kyy", "K", (1, 1), "N/m"),
-            Entry("ks", "K", (0, 1), "N/m"),
-        ]
-    else:
-        own = [
-            Entry(f"{letter.lower()}{_AXES[i]}{_AXES[j]}", letter, (i, j), unit)
-            for letter, unit in (("M", "kg"), ("B", "N*s/m"), ("K", "N/m"))
-            for i in range(2)
-            for j in range(2)
-        ]
-    return [*own, Entry("x0", "x0", (0,), "mm", 1e3), Entry("y0", "x0", (1,), "mm", 1e3)]
+    """The entries of a load, one for each number of its model; then the equilibrium."""
+    letters: dict[Signal, str] = {"a": "M", "v": "B", "x": "K"}
+    own = [
+        Entry(column.name, letters[column.signal], column.entries[0], column.unit)
+        for column in fit.model.columns
+        if column.signal != "1"
+    ]
+    if fit.model.rotary:
+        return [*own, Entry("theta0", "x0", (0,), "rad")]
+    return [*own, *(Entry(f"{axis}0", "x0", (k,), "mm", 1e3) for k, axis in enumerate(fit.model.axes))]

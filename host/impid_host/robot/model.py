@@ -3,9 +3,11 @@
 from typing import Protocol
 
 from impid_host.errors import UndeterminedError
+from impid_host.robot.joint_1d import Joint1D
 from impid_host.robot.planar_2r_absolute import Planar2RAbsolute
 from impid_host.robot.planar_2r_relative import Planar2RRelative
 from impid_host.robot.slide_1d import Slide1D
+from impid_host.robot.urdf import urdf_robot
 from impid_host.signals.arrays import Floats
 from impid_host.study.model import RobotSetup
 
@@ -59,7 +61,8 @@ def robot_model(setup: RobotSetup) -> RobotModel:
     """The model that setup.toml names.
 
     Raises:
-        UndeterminedError: `fit` has no dynamic model of that name.
+        InputError: a URDF that cannot be used, or the library for it is missing.
+        UndeterminedError: the setup names no URDF.
     """
     if setup.model == "planar-2r-absolute":
         l1, l2 = setup.link_lengths_m
@@ -69,7 +72,8 @@ def robot_model(setup: RobotSetup) -> RobotModel:
         return Planar2RRelative(l1, l2, gravity_m_s2=setup.gravity_m_s2)
     if setup.model == "slide-1d":
         return Slide1D()
-    raise UndeterminedError(
-        f"robot.model = {setup.model!r} cannot be fitted yet; "
-        "planar-2r-absolute, planar-2r-relative and slide-1d can"
-    )
+    if setup.model == "joint-1d":
+        return Joint1D()
+    if setup.urdf is None:
+        raise UndeterminedError('robot.model = "urdf" needs urdf = "robot.urdf" in setup.toml')
+    return urdf_robot(setup.urdf)

@@ -1,8 +1,8 @@
 """A robot that shares nothing with impid: two rigid rods, moved by their kinetic energy.
 
-Velocities of the centres of mass are complex-step derivatives of their positions, the mass matrix follows
-from the kinetic energy, the Coriolis terms from finite differences of the mass matrix, and scipy integrates
-the whole with load and controller.
+The motion is prescribed in closed form. Velocities of the centres of mass are complex-step derivatives of
+their positions, the mass matrix follows from the kinetic energy, the velocity terms from its finite differences;
+the torque is what Lagrange's equations then ask for with the load on the tip.
 """
 
 from collections.abc import Callable
@@ -19,7 +19,6 @@ from impid_host.study.model import (
     Study,
     Trial,
 )
-from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 
 L1, L2 = 0.254, 0.2667
@@ -42,42 +41,39 @@ class Load:
     B: tuple[tuple[float, float], tuple[float, float]] = ((0.0, 0.0), (0.0, 0.0))
 
 
-def centre_of_link2(t1: complex, t2: complex) -> np.ndarray:
+def centre_of_link2(t1: np.ndarray, t2: np.ndarray) -> np.ndarray:
     return np.array([L1 * np.cos(t1) + CENTRE2 * np.sin(t2), L1 * np.sin(t1) - CENTRE2 * np.cos(t2)])
 
 
-def tip(t1: complex, t2: complex) -> np.ndarray:
+def tip(t1: np.ndarray, t2: np.ndarray) -> np.ndarray:
     return np.array([L1 * np.cos(t1) + L2 * np.sin(t2), L1 * np.sin(t1) - L2 * np.cos(t2)])
 
 
-def slope(point: Callable[[complex, complex], np.ndarray], theta: np.ndarray) -> np.ndarray:
-    """d point / d theta by complex step, exact to rounding."""
+def slope(point: Callable[[np.ndarray, np.ndarray], np.ndarray], theta: np.ndarray) -> np.ndarray:
+    """d point / d theta by complex step, exact to rounding: (N, 2) -> (N, 2, 2)."""
     step = 1e-30
-    return (
-        np.stack(
-            [point(theta[0] + 1j * step, theta[1]).imag, point(theta[0], theta[1] + 1j * step).imag], axis=1
-        )
-        / step
-    )
+    t1, t2 = theta.T
+    both = [point(t1 + 1j * step, t2 + 0j).imag, point(t1 + 0j, t2 + 1j * step).imag]
+    return np.stack(both).transpose(2, 1, 0) / step
 
 
 def mass_matrix(theta: np.ndarray, payload: float) -> np.ndarray:
+    """(N, 2) -> (N, 2, 2)."""
     centre, end = slope(centre_of_link2, theta), slope(tip, theta)
-    return np.diag([INERTIA1, INERTIA2]) + MASS2 * centre.T @ centre + payload * end.T @ end
+    moving = MASS2 * centre.swapaxes(1, 2) @ centre + payload * end.swapaxes(1, 2) @ end
+    return np.diag([INERTIA1, INERTIA2]) + moving
 
 
 def velocity_terms(theta: np.ndarray, omega: np.ndarray, payload: float) -> np.ndarray:
     """d/dt (M) omega - 1/2 d/dtheta (omega' M omega), Lagrange's equations without the M theta'' part."""
-    step = 1e-6
-    slopes = []
-    for joint in range(2):
-        shift = np.zeros(2)
-        shift[joint] = step
-        slopes.append(
-            (mass_matrix(theta + shift, payload) - mass_matrix(theta - shift, payload)) / (2 * step)
-        )
-    rate = slopes[0] * omega[0] + slopes[1] * omega[1]
-    return rate @ omega - 0.5 * np.array([omega @ s @ omega for s in slopes])
+    step = 1e-5
+    slopes = [
+        (mass_matrix(theta + shift, payload) - mass_matrix(theta - shift, payload)) / (2 * step)
+        for shift in np.eye(2) * step
+    ]
+    rate = slopes[0] * omega[:, 0, None, None] + slopes[1] * omega[:, 1, None, None]
+    energy = np.stack([np.einsum("ni,nij,nj->n", omega, each, omega) for each in slopes], axis=1)
+    return np.einsum("nij,nj->ni", rate, omega) - 0.5 * energy
 
 
 @dataclass(frozen=True)
@@ -91,10 +87,11 @@ class Motion:
     load: Load | None
 
 
-def reference(
-    seed: int, centre: np.ndarray, span_deg: float
-) -> Callable[[float], tuple[np.ndarray, np.ndarray]]:
-    """Ten sinusoids in 0 to 2 Hz per joint over `span_deg`, [D] Sec. II-C: angle and velocity."""
+Closed = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray, np.ndarray]]
+
+
+def reference(seed: int, centre: np.ndarray, span_deg: float) -> Closed:
+    """Ten sinusoids in 0 to 2 Hz per joint over `span_deg`, [D] Sec. II-C: angle, velocity, acceleration."""
     rng = np.random.default_rng(seed)
     frequency = 2 * np.pi * (np.arange(1, 11) - rng.uniform(0.0, 0.05, (2, 10))) / 5
     phase = rng.uniform(0, 2 * np.pi, (2, 10))
@@ -102,11 +99,13 @@ def reference(
     shape = np.sin(frequency[:, :, None] * t + phase[:, :, None]).sum(axis=1)
     gain = np.deg2rad(span_deg) / np.ptp(shape, axis=1)
 
-    def at(t: float) -> tuple[np.ndarray, np.ndarray]:
-        argument = frequency * t + phase
+    def at(t: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        argument = t[:, None, None] * frequency + phase
+        sine, cosine = np.sin(argument), np.cos(argument)
         return (
-            centre + gain * np.sin(argument).sum(axis=1),
-            gain * (frequency * np.cos(argument)).sum(axis=1),
+            centre + gain * sine.sum(axis=2),
+            gain * (frequency * cosine).sum(axis=2),
+            -gain * (frequency**2 * sine).sum(axis=2),
         )
 
     return at
@@ -120,51 +119,29 @@ def simulate(
     span_deg: float = 40.0,
     disturbance: Callable[[np.ndarray, np.ndarray], np.ndarray] | None = None,
 ) -> Motion:
-    """Integrate robot, joint PD controller and load; `disturbance` is a torque that the model lacks."""
+    """The prescribed motion with the torque that it takes; `disturbance` is a torque that the model lacks."""
     follow = reference(seed, np.array([np.pi / 4, np.pi / 4]), span_deg)
-    payload = 0.0 if load is None else load.m
-
-    def controller(t: float, state: np.ndarray) -> np.ndarray:
-        angle, velocity = follow(t)
-        return 80.0 * (angle - state[:2]) + 3.0 * (velocity - state[2:])
-
-    def derivative(t: float, state: np.ndarray) -> np.ndarray:
-        theta, omega = state[:2], state[2:]
-        torque = controller(t, state) - ALPHA[3:] * omega - velocity_terms(theta, omega, payload)
-        if disturbance is not None:
-            torque = torque - disturbance(theta, omega)
-        if load is not None:
-            end = slope(tip, theta)
-            force = np.array(load.K) @ (tip(*theta) - load.x0) + np.array(load.B) @ (end @ omega)
-            torque = torque - end.T @ force
-        return np.concatenate([omega, np.linalg.solve(mass_matrix(theta, payload), torque)])
-
-    angle, velocity = follow(0.0)
-    start = np.concatenate([angle, velocity])
-    solution = solve_ivp(
-        derivative,
-        (0, duration),
-        start,
-        method="DOP853",
-        dense_output=True,
-        rtol=1e-8,
-        atol=1e-9,
-        max_step=0.02,
-    )
     # Nothing here moves faster than some 10 Hz: 250 Hz and a cubic spline lose less than 1e-5 of it.
     knots = np.linspace(0, duration, int(250 * duration))
-    states = solution.sol(knots).T
-    torque = [controller(t, state) for t, state in zip(knots, states, strict=True)]
-    acceleration = np.array(
-        [tip_acceleration(state, derivative(t, state)) for t, state in zip(knots, states, strict=True)]
-    )
+    theta, omega, theta_dd = follow(knots)
+    end = slope(tip, theta)
+    acceleration = np.einsum("nij,nj->ni", end, theta_dd) + bend(theta, omega)
+    torque = np.einsum("nij,nj->ni", mass_matrix(theta, 0.0), theta_dd)
+    torque = torque + velocity_terms(theta, omega, 0.0) + ALPHA[3:] * omega
+    if disturbance is not None:
+        torque = torque + disturbance(theta, omega)
     force = np.zeros_like(acceleration)
     if load is not None:
-        x = np.array([tip(*state[:2]) for state in states])
-        v = np.array([slope(tip, state[:2]) @ state[2:] for state in states])
+        x, v = tip(*theta.T).T, np.einsum("nij,nj->ni", end, omega)
         force = -(load.m * acceleration + v @ np.array(load.B).T + (x - load.x0) @ np.array(load.K).T)
+        torque = torque - np.einsum("nji,nj->ni", end, force)
+
+    def state(t: np.ndarray) -> np.ndarray:
+        angle, velocity, _ = follow(t)
+        return np.concatenate([angle, velocity], axis=1)
+
     return Motion(
-        state=lambda t: solution.sol(t).T,
+        state=state,
         torque=CubicSpline(knots, torque),
         acceleration=CubicSpline(knots, acceleration),
         force=CubicSpline(knots, force),
@@ -245,11 +222,11 @@ def measure(
     return Trial(name, kind, name.rsplit("_", 1)[0], log, device)  # type: ignore[arg-type]
 
 
-def tip_acceleration(state: np.ndarray, rate: np.ndarray) -> np.ndarray:
-    """x'' = J theta'' + J' theta', J' by central difference along the motion."""
-    theta, omega, step = state[:2], state[2:], 1e-5
+def bend(theta: np.ndarray, omega: np.ndarray) -> np.ndarray:
+    """J' theta', J' by central difference along the motion, (N, 2)."""
+    step = 1e-5
     J_rate = (slope(tip, theta + step * omega) - slope(tip, theta - step * omega)) / (2 * step)
-    return slope(tip, theta) @ rate[2:] + J_rate @ omega
+    return np.einsum("nij,nj->ni", J_rate, omega)
 
 
 def make_study(motions: dict[str, Motion], noise: Noise) -> Study:

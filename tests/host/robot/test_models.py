@@ -159,5 +159,5 @@ def test_terms_on_two_joints_act_on_their_own_joint() -> None:
 def test_unknown_names_are_refused() -> None:
     with pytest.raises(UndeterminedError, match="no term called"):
         robot_structure(ABSOLUTE, ("friction.magic",))
-    with pytest.raises(UndeterminedError, match="cannot be fitted yet"):
+    with pytest.raises(UndeterminedError, match="needs urdf"):
         robot_model(RobotSetup("urdf"))

@@ -21,7 +21,7 @@ class Disagreement:
     Attributes:
         labels: of the two methods.
         names: of the quantities, each with its unit.
-        first, second: values, shape (q,).
+        first, second: values, shape (q,); first_sd, second_sd: their standard deviations.
         z: difference over the root of the summed variances, shape (q,).
     """
 
@@ -30,6 +30,8 @@ class Disagreement:
     first: Floats
     second: Floats
     z: Floats
+    first_sd: Floats
+    second_sd: Floats
 
     @property
     def verdict(self) -> str:
@@ -72,4 +74,4 @@ def disagreement(
         second: the same of the other method.
     """
     (a, a_sd), (b, b_sd) = first, second
-    return Disagreement(labels, names, a, b, (a - b) / np.hypot(a_sd, b_sd))
+    return Disagreement(labels, names, a, b, (a - b) / np.hypot(a_sd, b_sd), a_sd, b_sd)

@@ -1,0 +1,64 @@
+"""All that `impid-host fit` prints, table after table."""
+
+from collections.abc import Iterator, Sequence
+
+from rich.console import Console, RenderableType
+
+from impid_host.impedance.campaign import StudyFit
+from impid_host.impedance.constrained import Constrained
+from impid_host.impedance.identify import LoadFit, RobotFit
+from impid_host.impedance.joint_space import JointImpedance
+from impid_host.report.fit_tables import (
+    constrained_table,
+    joint_table,
+    load_table,
+    robot_table,
+    spectral_table,
+)
+
+_ROBOT_WORDS = {
+    "prior": "Robot parameters from [prior] in setup.toml; their uncertainty is unknown and not propagated.",
+    "none": "No free trial: the measured torque is taken to be the load's alone.",
+}
+
+
+def print_fit(
+    console: Console,
+    result: StudyFit,
+    constrained: Sequence[Constrained] = (),
+    joints: Sequence[JointImpedance] = (),
+) -> None:
+    """Print every table of a study with an empty line between them."""
+    for part in _parts(result, constrained, joints):
+        console.print(part, markup=False)
+        console.print()
+
+
+def _parts(
+    result: StudyFit, constrained: Sequence[Constrained], joints: Sequence[JointImpedance]
+) -> Iterator[RenderableType]:
+    if isinstance(result.robot, RobotFit):
+        yield robot_table(result.robot)
+    else:
+        yield _ROBOT_WORDS[result.robot.origin]
+    for load in dict.fromkeys(fit.load for fit in result.loads):
+        fits = [fit for fit in result.loads if fit.load == load]
+        yield load_table(fits)
+        pairs = _pairs(fits, constrained)
+        if pairs:
+            yield constrained_table(pairs)
+        own = [joint for joint in joints if joint.load == load]
+        if own:
+            yield joint_table(own)
+        shaken = [fit for fit in result.spectral if fit.load == load]
+        if shaken:
+            yield spectral_table(shaken)
+
+
+def _pairs(fits: Sequence[LoadFit], constrained: Sequence[Constrained]) -> list[tuple[LoadFit, Constrained]]:
+    return [
+        (fit, tight)
+        for fit in fits
+        for tight in constrained
+        if (tight.load, tight.method) == (fit.load, fit.method)
+    ]

@@ -1,0 +1,226 @@
+"""Any serial robot from its URDF: dynamics by Pinocchio, cut down to the parameters that motion can show.
+
+The torque is linear in ten inertial parameters per link, of which a motion shows only certain combinations,
+the base parameters (Gautier and Khalil). They are found once, by QR of the regressor at random states;
+viscous friction per joint stands beside them.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy import linalg
+
+from impid_host.errors import InputError
+from impid_host.signals.arrays import Floats
+
+_LINK = ("m", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
+_LINK_UNITS = ("kg", "kg*m", "kg*m", "kg*m", *["kg*m^2"] * 6)
+_RANK_TOLERANCE = 1e-8
+_NEGLIGIBLE = 1e-6
+
+
+@dataclass(frozen=True, slots=True)
+class Urdf:
+    """A serial robot of n joints, each of one degree of freedom; gravity along -z of the URDF's base.
+
+    The end-effector is the last link's frame that the URDF names last. Build it by `urdf_robot`.
+
+    Attributes:
+        base: columns of the full regressor that are kept, (b,).
+        base_names: of the combinations they stand for.
+        task_axes: x, y for an arm of two joints that stays in the plane, else x, y, z.
+    """
+
+    pin_model: Any
+    pin_data: Any
+    frame: int
+    base: tuple[int, ...]
+    base_names: tuple[str, ...]
+    base_units: tuple[str, ...]
+    task_axes: tuple[str, ...]
+
+    @property
+    def name(self) -> str:
+        """As `robot.model` in setup.toml."""
+        return "urdf"
+
+    @property
+    def joints(self) -> int:
+        """Number of joints, n."""
+        return int(self.pin_model.nv)
+
+    @property
+    def parameter_names(self) -> tuple[str, ...]:
+        """Base parameters, then viscous friction per joint."""
+        return self.base_names + tuple(f"Fv{joint + 1}" for joint in range(self.joints))
+
+    @property
+    def parameter_units(self) -> tuple[str, ...]:
+        """Units in the order of the names (prismatic joints: N s/m)."""
+        prismatic = ["P" in joint.shortname() for joint in list(self.pin_model.joints)[1:]]
+        return self.base_units + tuple("N*s/m" if p else "N*m*s/rad" for p in prismatic)
+
+    def regressor(self, theta: Floats, omega: Floats, theta_dd: Floats) -> Floats:
+        """Y (N, n, b + n)."""
+        Y = np.zeros((len(theta), self.joints, len(self.base) + self.joints))
+        Y[:, :, : len(self.base)] = _full_regressor(self.pin_model, self.pin_data, theta, omega, theta_dd)[
+            :, :, list(self.base)
+        ]
+        for joint in range(self.joints):
+            Y[:, joint, len(self.base) + joint] = omega[:, joint]
+        return Y
+
+    def position(self, theta: Floats) -> Floats:
+        """(N, n) -> (N, d), m."""
+        pin = _pinocchio()
+        out = np.empty((len(theta), len(self.task_axes)))
+        for k, q in enumerate(theta):
+            pin.framesForwardKinematics(self.pin_model, self.pin_data, q)
+            out[k] = self.pin_data.oMf[self.frame].translation[: len(self.task_axes)]
+        return out
+
+    def jacobian(self, theta: Floats) -> Floats:
+        """(N, n) -> (N, d, n)."""
+        pin = _pinocchio()
+        out = np.empty((len(theta), len(self.task_axes), self.joints))
+        for k, q in enumerate(theta):
+            full = pin.computeFrameJacobian(
+                self.pin_model, self.pin_data, q, self.frame, pin.LOCAL_WORLD_ALIGNED
+            )
+            out[k] = full[: len(self.task_axes)]
+        return out
+
+    def jacobian_rate(self, theta: Floats, omega: Floats) -> Floats:
+        """(N, n) twice -> (N, d, n)."""
+        pin = _pinocchio()
+        out = np.empty((len(theta), len(self.task_axes), self.joints))
+        for k, (q, v) in enumerate(zip(theta, omega, strict=True)):
+            pin.computeJointJacobiansTimeVariation(self.pin_model, self.pin_data, q, v)
+            full = pin.getFrameJacobianTimeVariation(
+                self.pin_model, self.pin_data, self.frame, pin.LOCAL_WORLD_ALIGNED
+            )
+            out[k] = full[: len(self.task_axes)]
+        return out
+
+    def inertia(self, theta: Floats, parameters: Floats) -> Floats:
+        """(N, n) -> (N, n, n): the torque that a unit acceleration of each joint adds."""
+        still = np.zeros_like(theta)
+        rest = self.regressor(theta, still, still) @ parameters
+        unit = np.eye(self.joints)
+        columns = [
+            self.regressor(theta, still, np.broadcast_to(row, theta.shape)) @ parameters - rest
+            for row in unit
+        ]
+        return np.stack(columns, axis=2)
+
+    def coriolis(self, theta: Floats, omega: Floats, parameters: Floats) -> Floats:
+        """(N, n) twice -> (N, n, n), Christoffel's form of the inertia's central differences."""
+        step, n = 1e-5, self.joints
+        slope = np.empty((len(theta), n, n, n))
+        for k, shift in enumerate(np.eye(n) * step):
+            ahead, behind = self.inertia(theta + shift, parameters), self.inertia(theta - shift, parameters)
+            slope[..., k] = (ahead - behind) / (2 * step)
+        symbols = 0.5 * (slope + np.swapaxes(slope, 2, 3) - np.moveaxis(slope, 3, 1))
+        result: Floats = np.einsum("Nijk,Nk->Nij", symbols, omega)
+        return result
+
+
+def urdf_robot(path: Path) -> Urdf:
+    """The robot that a URDF describes.
+
+    Raises:
+        InputError: Pinocchio is not installed, the file cannot be read, or the robot is not a serial chain of
+            joints with one degree of freedom.
+    """
+    pin = _pinocchio(path)
+    try:
+        model = pin.buildModelFromUrdf(str(path))
+    except (ValueError, RuntimeError, OSError) as error:
+        reason = str(error).strip().splitlines()[0]
+        raise InputError(path, f"is no robot that Pinocchio can read ({reason})", "check the URDF") from None
+    if model.nv == 0 or model.nq != model.nv:
+        raise InputError(
+            path,
+            "has no joints, or some of other than one degree of freedom",
+            "use revolute (limited) or prismatic joints",
+        )
+    if list(model.parents)[1:] != list(range(model.njoints - 1)):
+        raise InputError(path, "branches", "give a URDF of one serial chain")
+    data, frame = model.createData(), model.nframes - 1
+    base, names, units = _base_parameters(model, data)
+    return Urdf(model, data, frame, base, names, units, _task_axes(model, data, frame))
+
+
+def _pinocchio(path: Path | None = None) -> Any:
+    try:
+        import pinocchio  # noqa: PLC0415  (an optional extra)
+    except ImportError:
+        raise InputError(
+            path or "robot.urdf",
+            "needs the library Pinocchio, which is not installed",
+            "pip install 'impid[urdf]'",
+        ) from None
+    return pinocchio
+
+
+def _full_regressor(model: Any, data: Any, theta: Floats, omega: Floats, theta_dd: Floats) -> Floats:
+    """Ten columns per link, (N, n, 10 n)."""
+    pin = _pinocchio()
+    out = np.empty((len(theta), model.nv, 10 * model.nv))
+    for k, (q, v, a) in enumerate(zip(theta, omega, theta_dd, strict=True)):
+        out[k] = pin.computeJointTorqueRegressor(model, data, q, v, a)
+    return out
+
+
+def _base_parameters(model: Any, data: Any) -> tuple[tuple[int, ...], tuple[str, ...], tuple[str, ...]]:
+    """Kept columns and the combinations that they stand for.
+
+    With W = [W1 W2] (W1 kept, W2 = W1 X), the kept columns carry p1 + X p2. Masses are offered last, so that
+    inertias and first moments gather them, as in Gautier and Khalil's regrouping.
+    """
+    rng = np.random.default_rng(0)
+    states = rng.uniform(-1, 1, (3, 60 * model.nv, model.nv)) * np.array([np.pi, 4.0, 20.0])[:, None, None]
+    W = _full_regressor(model, data, *states).reshape(-1, 10 * model.nv)
+    size = np.linalg.norm(W, axis=0)
+    alive = [c for c in sorted(range(10 * model.nv), key=lambda c: (c % 10 == 0, c)) if size[c] > _NEGLIGIBLE]
+    # Without pivoting, a column that depends on those before it shows a zero on R's diagonal.
+    R = linalg.qr(W[:, alive] / size[alive], mode="r")[0]
+    free = np.abs(np.diag(R[: len(alive)])) > _RANK_TOLERANCE
+    kept = np.sort([c for c, independent in zip(alive, free, strict=True) if independent])
+    rest = np.sort([c for c, independent in zip(alive, free, strict=True) if not independent]).astype(int)
+    X, *_ = np.linalg.lstsq(W[:, kept], W[:, rest], rcond=None)
+    names = [f"{_LINK[c % 10]}{c // 10 + 1}" for c in range(10 * model.nv)]
+    labels = []
+    for row, column in enumerate(kept):
+        terms = [
+            f"{'+' if X[row, k] > 0 else '-'}{_factor(abs(X[row, k]))}{names[other]}"
+            for k, other in enumerate(rest)
+            if abs(X[row, k]) > _NEGLIGIBLE
+        ]
+        labels.append(" ".join([names[column], *terms]))
+    return tuple(int(c) for c in kept), tuple(labels), tuple(_LINK_UNITS[c % 10] for c in kept)
+
+
+def _factor(value: float) -> str:
+    return "" if abs(value - 1) < _NEGLIGIBLE else f"{value:.4g}*"
+
+
+def _task_axes(model: Any, data: Any, frame: int) -> tuple[str, ...]:
+    moves = _extent(model, data, frame) > _NEGLIGIBLE
+    if model.nv == 2 and not moves[2]:
+        return ("x", "y")
+    if model.nv == 1 and moves.sum() == 1:
+        return (("x", "y", "z")[int(np.argmax(moves))],)
+    return ("x", "y", "z")
+
+
+def _extent(model: Any, data: Any, frame: int) -> Floats:
+    pin = _pinocchio()
+    places = []
+    for q in np.random.default_rng(1).uniform(-1, 1, (20, model.nv)):
+        pin.framesForwardKinematics(model, data, q)
+        places.append(np.array(data.oMf[frame].translation))
+    result: Floats = np.ptp(np.array(places), axis=0)
+    return result
