@@ -11,3 +11,9 @@ SEED = click.option(
 TRIAL = click.option("--trial", metavar="NAME", help="A trial of the scenario.")
 FILE = click.Path(dir_okay=False, path_type=Path)
 FOLDER = click.Path(file_okay=False, path_type=Path)
+ELF = click.option(
+    "--elf",
+    "binary",
+    type=FILE,
+    help="Run this binary of the firmware in the emulator instead of the native core.",
+)

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import click
 
-from hil_sim.cli.options import FILE, SCENARIO, SEED
+from hil_sim.cli.options import ELF, FILE, SCENARIO, SEED
 from hil_sim.scenarios.load import load
 from hil_sim.scenarios.load import trial as find_trial
 from hil_sim.serve.connect import CARRIERS, CarrierName, Connection
@@ -38,6 +38,7 @@ from hil_sim.serve.session import ServeOptions, serve
 @click.option("--link", type=FILE, help="pty, slcan: also make a symbolic link of this name to the terminal.")
 @click.option("--setup", "setup_file", type=FILE, help="Write the laboratory's setup.toml here.")
 @click.option("--truth", "truth_file", type=FILE, help="Write what is hidden here when the motion starts.")
+@ELF
 @click.option("--until-stdin-closes", is_flag=True, help="End when whoever started this is gone.")
 def command(
     scenario: str,
@@ -50,6 +51,7 @@ def command(
     link: Path | None,
     setup_file: Path | None,
     truth_file: Path | None,
+    binary: Path | None,
     until_stdin_closes: bool,
 ) -> None:
     """Serve the sensor board of one trial: on a pseudo-terminal, over TCP, or on a CAN bus.
@@ -77,6 +79,7 @@ def command(
             robot_log=robot_log,
             setup_file=setup_file,
             truth_file=truth_file,
+            binary=binary,
         ),
     )
 

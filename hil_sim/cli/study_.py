@@ -5,7 +5,7 @@ from pathlib import Path
 
 import click
 
-from hil_sim.cli.options import FILE, FOLDER, SCENARIO, SEED
+from hil_sim.cli.options import ELF, FILE, FOLDER, SCENARIO, SEED
 from hil_sim.scenarios.load import load
 from hil_sim.study.write import write_study
 
@@ -17,7 +17,8 @@ from hil_sim.study.write import write_study
 @click.option(
     "--truth", "truth_file", type=FILE, help="Where to write what the scenario hides, outside the study."
 )
-def command(scenario: str, out: Path, seed: int, truth_file: Path | None) -> None:
+@ELF
+def command(scenario: str, out: Path, seed: int, truth_file: Path | None, binary: Path | None) -> None:
     """Write a study folder in virtual time, as fast as the machine can.
 
     \b
@@ -26,7 +27,7 @@ def command(scenario: str, out: Path, seed: int, truth_file: Path | None) -> Non
     """
     loaded = load(scenario)
     begin = time.perf_counter()
-    write_study(loaded, out, seed, truth_file)
+    write_study(loaded, out, seed, truth_file, binary)
     simulated = sum(trial.duration_s for trial in loaded.trials)
     took = time.perf_counter() - begin
     click.echo(f"{out}: {len(loaded.trials)} trials, {simulated:g} s in {took:.2f} s", err=True)

@@ -51,6 +51,7 @@ class ServeOptions:
     robot_log: Path | None
     setup_file: Path | None
     truth_file: Path | None
+    binary: Path | None = None  # an ELF file to run in the emulator instead of the native core
 
 
 def serve(scenario: Scenario, trial: Trial, options: ServeOptions) -> None:

@@ -4,7 +4,8 @@ import json
 from collections.abc import Iterator
 from pathlib import Path
 
-from hil_sim.board.native import BoardConfig, NativeBoard
+from hil_sim.board.make import BoardMaker, maker
+from hil_sim.board.native import BoardConfig
 from hil_sim.board.protocol import Board
 from hil_sim.board.wire import FrameReader, Samples, accepts_start, command, samples
 from hil_sim.errors import SimError
@@ -22,7 +23,9 @@ PAUSE_US = 10_000_000  # between two trials; the board's clock runs on
 FIRST_US = 5_000_000  # from the board's boot to the first trial
 
 
-def write_study(scenario: Scenario, out: Path, seed: int, truth_file: Path | None = None) -> None:
+def write_study(
+    scenario: Scenario, out: Path, seed: int, truth_file: Path | None = None, binary: Path | None = None
+) -> None:
     """Writes the study folder, and the truth to a file outside it.
 
     Args:
@@ -30,6 +33,7 @@ def write_study(scenario: Scenario, out: Path, seed: int, truth_file: Path | Non
         out: the folder; must be absent or empty.
         seed: of all chance.
         truth_file: where to write what is hidden; None: nowhere.
+        binary: an ELF file of the firmware to run in the emulator, booted for each trial; None: the native core.
 
     Raises:
         SimError: out is in use, or the truth would lie inside it.
@@ -43,12 +47,12 @@ def write_study(scenario: Scenario, out: Path, seed: int, truth_file: Path | Non
     out.mkdir(parents=True, exist_ok=True)
     write_setup(scenario, out / "setup.toml")
     begins: dict[str, int] = {}
+    make = maker(binary)
     start_us = FIRST_US
     for trial in scenario.trials:
         folder = out / trial.name
         folder.mkdir()
-        begins[trial.name] = start_us + LEAD_US
-        end_us = write_one_trial(scenario, trial, seed, start_us, folder)
+        begins[trial.name], end_us = write_one_trial(scenario, trial, seed, start_us, folder, make)
         start_us = end_us + PAUSE_US
     if truth_file is not None:
         truth_file.parent.mkdir(parents=True, exist_ok=True)
@@ -56,14 +60,19 @@ def write_study(scenario: Scenario, out: Path, seed: int, truth_file: Path | Non
         truth_file.write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
 
 
-def write_one_trial(scenario: Scenario, trial: Trial, seed: int, start_us: int, folder: Path) -> int:
-    """Writes one trial's folder. From board time start_us to the one that it returns."""
+def write_one_trial(
+    scenario: Scenario, trial: Trial, seed: int, start_us: int, folder: Path, make: BoardMaker
+) -> tuple[int, int]:
+    """Writes one trial's folder, from board time start_us if the board lets that be chosen.
+
+    Returns:
+        The board's time when the motion begins, and when the recording ends.
+    """
     write_trial(trial, folder / "trial.toml")
     world = World(trial_truth(scenario, trial, seed))
-    board = NativeBoard(
-        BoardConfig(start_us=start_us, serial_bytes_per_ms=scenario.world.serial.bytes_per_ms)
-    )
-    world.begin(start_us + LEAD_US)
+    board = make(BoardConfig(start_us=start_us, serial_bytes_per_ms=scenario.world.serial.bytes_per_ms))
+    begin_us = board.next_tick_us + LEAD_US
+    world.begin(begin_us)
     with_force = scenario.world.force_sensor is not None
     with (
         DeviceCsv(folder / "device.csv") as device_csv,
@@ -74,7 +83,7 @@ def write_one_trial(scenario: Scenario, trial: Trial, seed: int, start_us: int, 
             for rows in world.take_log():
                 robot_csv.add(rows)
     board.close()
-    return board.next_tick_us
+    return begin_us, board.next_tick_us
 
 
 def stream(world: World, board: Board) -> Iterator[Samples]:
