@@ -11,11 +11,13 @@ from impid_host.errors import ImpidError
 # name -> what it does; the module of the same name holds a click command called `command`.
 COMMANDS = {
     "record": "Record the sensor board (or the simulator) into an MCAP file.",
+    "info": "Tell what a recording holds.",
+    "device": "Talk to the board: info, self-test, calibrate, set, reset, log.",
     "sync": "Offset and drift between the board's clock and the robot's log.",
     "fit": "Identify the robot, then the load or arm, of a study.",
     "diagnose": "Find what the model lacks in a study, and prove it on held-out data.",
     "import": "Turn foreign logs (CSV, Parquet, .mat) into a study folder.",
-    "export": "Write a study folder from a recording.",
+    "export": "Write a study folder, Parquet, .mat or CAN log from a recording.",
     "design": "Excitations for the robot: joint references, force perturbations.",
 }
 

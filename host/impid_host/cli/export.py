@@ -7,6 +7,8 @@ from typing import Literal, cast
 import click
 
 from impid_host.errors import InputError
+from impid_host.recording.export.can_log import write_can_log
+from impid_host.recording.export.tables import write_mat, write_parquet
 from impid_host.recording.reader import Recording, read_recording
 from impid_host.samples import DeviceSamples
 from impid_host.study.folder import begin_study, write_trial
@@ -16,13 +18,20 @@ from impid_host.study.robot_csv import read_robot_log
 from impid_host.study.setup_file import read_setup
 from impid_host.study.trial_file import default_load
 
+_FILES = {".parquet": write_parquet, ".mat": write_mat, ".asc": write_can_log, ".blf": write_can_log}
 _KINDS = ("free", "mass-spring", "arm", "stochastic")
 _KIND_BY_NAME = {"free": "free", "spring": "mass-spring", "arm": "arm"}
 
 
 @click.command()
 @click.argument("files", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="FILE.mcap...")
-@click.option("--out", required=True, type=click.Path(path_type=Path), metavar="STUDY", help="Study folder.")
+@click.option(
+    "--out",
+    required=True,
+    type=click.Path(path_type=Path),
+    metavar="STUDY",
+    help="Study folder; or a file ending in .parquet, .mat, .asc or .blf.",
+)
 @click.option(
     "--robot-log",
     "robot_logs",
@@ -65,16 +74,23 @@ def command(
     load: str | None,
     run: int | None,
 ) -> None:
-    """Write a study folder from a recording, or add a trial to one.
+    """Write a study folder from a recording, or add a trial to one; or a file for other programs.
 
     Each recording becomes one trial folder with trial.toml, device.csv and robot.csv. Nothing that is there
     already is overwritten.
+
+    With --out FILE.parquet or FILE.mat the samples of one recording become a table, with --out FILE.asc or
+    FILE.blf the raw frames of a CAN recording a log as CAN tools read it.
 
     \b
     Examples:
       impid-host export free_01.mcap spring_K1_M1_01.mcap --out study/
       impid-host export rec.mcap --robot-log rig.csv --setup rig.toml --trial arm_01 --kind arm --out study/
+      impid-host export free_01.mcap --out free_01.parquet
     """
+    if out.suffix.lower() in _FILES:
+        _write_file(files, out)
+        return
     if trial is not None and len(files) > 1:
         raise click.UsageError("--trial names one trial; give one FILE with it")
     if robot_logs and len(robot_logs) != len(files):
@@ -107,6 +123,30 @@ def command(
             click.echo(
                 f"{place}: {each.kind}, {len(each.device or ())} samples, {len(each.robot)} robot rows"
             )
+
+
+def _write_file(files: tuple[Path, ...], out: Path) -> None:
+    """One recording as one file; half a file is never left behind."""
+    if len(files) != 1:
+        raise click.UsageError(f"{out} takes one FILE; {len(files)} were given")
+    if out.exists():
+        raise InputError(out, "is there already", "choose another name, or move it away first")
+    if not out.parent.is_dir():
+        raise InputError(out, "its folder does not exist", f"make it first: mkdir -p {out.parent}")
+    recording = read_recording(files[0])
+    for warning in recording.warnings:
+        click.echo(f"warning: {warning}", err=True)
+    part = out.with_name(f".part-{out.name}")
+    try:
+        _FILES[out.suffix.lower()](recording, part)
+        part.rename(out)
+    except OSError as error:
+        raise InputError(
+            out, f"cannot be written ({error.strerror})", "free some space, or choose another place"
+        ) from None
+    finally:
+        part.unlink(missing_ok=True)
+    click.echo(f"{out}: {sum(map(len, recording.segments))} samples of {len(recording.segments)} run(s)")
 
 
 def _setup(out: Path, setup_file: Path | None, first: Path) -> Setup:

@@ -6,12 +6,15 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from mcap.records import Channel, McapRecord, Message, Metadata
+from numpy.typing import NDArray
 
 from impid_host.clock.device import ClockExchange
 from impid_host.recording import channels
 from impid_host.recording.ledger import RunLedger, balance
 from impid_host.recording.records import read_records
+from impid_host.wire.can_frames import unpack_frames
 from impid_host.wire.carrier import CAN, SERIAL, Carrier
 from impid_host.wire.decoder import LinkCounts
 from impid_host.wire.messages import SAMPLE_PERIOD_US
@@ -83,6 +86,19 @@ def read_recording(path: Path) -> Recording:
     return contents.decode()
 
 
+def read_raw_can(path: Path) -> tuple[NDArray[np.void], int]:
+    """The CAN frames that came in, shape (N,) of CAN_FRAME, and wall minus monotonic clock at the first, ns.
+
+    Raises:
+        InputError: no such file, or not a recording of impid-host.
+    """
+    contents = _Contents(path)
+    for record in read_records(path, contents.warnings):
+        contents.take(record)
+    raw = bytes(contents.raw) if contents.carrier is CAN else b""
+    return unpack_frames(raw), contents.wall_minus_monotonic_ns or 0
+
+
 @dataclass(slots=True)
 class _Contents:
     """What the records of the file add up to, before the raw bytes are decoded."""
@@ -90,6 +106,7 @@ class _Contents:
     path: Path
     metadata: dict[str, dict[str, str]] = field(default_factory=dict)
     carrier: Carrier = SERIAL
+    wall_minus_monotonic_ns: int | None = None
     raw: bytearray = field(default_factory=bytearray)
     exchanges: dict[int, list[ClockExchange]] = field(default_factory=dict)
     events: list[RecordedEvent] = field(default_factory=list)
@@ -113,7 +130,10 @@ class _Contents:
             self.raw += base64.b64decode(json.loads(data)["data"], validate=True)
         elif topic == channels.CAN_RX.name:
             self.carrier = CAN
-            self.raw += base64.b64decode(json.loads(data)["data"], validate=True)
+            body = json.loads(data)
+            self.raw += base64.b64decode(body["data"], validate=True)
+            if self.wall_minus_monotonic_ns is None:
+                self.wall_minus_monotonic_ns = int(body["wall_ns"]) - int(body["monotonic_ns"])
         elif topic == channels.CLOCK.name:
             body = json.loads(data)
             exchange = ClockExchange(*(int(body[key]) for key in ("t1_ns", "t2_us", "t3_us", "t4_ns")))
@@ -134,11 +154,11 @@ class _Contents:
         statuses = tuple(status for part in parts for status in part.statuses)
         responses = tuple(response for part in parts for response in part.responses)
         events = [event for part in parts for event in part.events]
-        if self.warnings and segments:
-            t_us = segments[-1].samples.t_us
+        if self.warnings:
+            last = segments[-1].samples.t_us if segments else np.zeros(1, np.uint64)
             self.warnings.append(
                 f"{self.path}: {sum(map(len, segments))} samples could be read, the last run "
-                f"up to {(int(t_us[-1]) - int(t_us[0])) * 1e-6:.3f} s after its beginning"
+                f"up to {(int(last[-1]) - int(last[0])) * 1e-6:.3f} s after its beginning"
             )
         return Recording(
             path=self.path,

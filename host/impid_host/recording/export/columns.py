@@ -1,0 +1,39 @@
+"""The samples of a recording as columns: one row a sample, all runs one after the other."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from impid_host.errors import InputError
+from impid_host.recording.reader import Recording
+
+Columns = dict[str, NDArray[np.generic]]
+
+
+def sample_columns(recording: Recording) -> Columns:
+    """Columns boot_id, run, index, t_us, ax, ay, enc1, enc2, flags, each of shape (N,).
+
+    Rows of different runs share no clock: t_us begins anew with each boot.
+
+    Raises:
+        InputError: the recording holds no samples.
+    """
+    segments = recording.segments
+    if not segments:
+        raise InputError(
+            recording.path, "holds no samples", "record again; `impid-host info` says what went wrong"
+        )
+    columns: Columns = {
+        "boot_id": np.concatenate([np.full(len(s), s.boot_id, dtype=np.uint16) for s in segments]),
+        "run": np.concatenate([np.full(len(s), s.run, dtype=np.uint16) for s in segments]),
+        "index": np.concatenate([s.index for s in segments]),
+    }
+    for name in ("t_us", "ax", "ay", "enc1", "enc2", "flags"):
+        columns[name] = np.concatenate([getattr(s.samples, name) for s in segments])
+    return columns
+
+
+def flat_metadata(recording: Recording) -> dict[str, str]:
+    """Everything the recording says of itself, as name.key -> value."""
+    return {
+        f"{name}.{key}": value for name, values in recording.metadata.items() for key, value in values.items()
+    }
