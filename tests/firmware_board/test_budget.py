@@ -1,27 +1,13 @@
 """The budget script itself, against programs whose stack and calls are known by construction."""
 
-import importlib.util
 import shutil
 import subprocess
-import sys
 from pathlib import Path
 from types import ModuleType
 
 import pytest
 
-ROOT = Path(__file__).resolve().parents[2]
 CPU = ["-mcpu=cortex-m4", "-mthumb", "-std=c11", "-Os", "-fstack-usage", "-ffreestanding", "-nostdlib"]
-
-
-@pytest.fixture(scope="module")
-def budget() -> ModuleType:
-    spec = importlib.util.spec_from_file_location("firmware_budget", ROOT / "scripts" / "firmware_budget.py")
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[spec.name] = module
-    spec.loader.exec_module(module)
-    return module
 
 
 def build(folder: Path, source: str) -> Path:

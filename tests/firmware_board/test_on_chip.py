@@ -3,6 +3,7 @@
 import struct
 import subprocess
 from pathlib import Path
+from types import ModuleType
 
 import numpy as np
 import pytest
@@ -52,6 +53,11 @@ class Bench:
         answer = self.ask(opcode, item, value)
         assert answer.result == code("result", "OK", "RESPONSE"), (opcode, item, answer)
         return int(answer.value)
+
+    def send_on_can(self, opcode: str) -> None:
+        self.request_id += 1
+        command = struct.pack("<HBBI", self.request_id, code("opcode", opcode), 0, 0)
+        self.board.can_receive(0x100, command, self.board.now_us + 50)
 
     def status(self) -> BoardStatus:
         self.run(110)
@@ -157,3 +163,28 @@ def test_the_unique_identity_is_that_of_the_chip() -> None:
     bench = Bench()
     identity = struct.pack("<3I", *(bench.value("INFO", f"UID_{i}") for i in range(3)))
     assert identity == struct.pack("<3I", 0x00320044, 0x31385109, 0x38303634)
+
+
+def test_the_stack_ever_used_is_within_the_computed_worst_case(budget: ModuleType) -> None:
+    bench = Bench()
+    memory = bench.board.soc.memory
+    top = budget.symbols(ELF)["linker_stack_top"]
+    # Only main() and its callee are on the stack now; what lies below them is painted.
+    paint = b"\xa5" * (top - 0x20000000 - 320)
+    memory.write_ram(0x20000000, paint)
+    bench.value("START")
+    bench.send_on_can("START")
+    bench.run(300)
+    bench.send_on_can("STOP")
+    bench.run(5)
+    bench.value("SET", "CAN_KBPS", 500)
+    bench.value("SAVE")
+    bench.value("STOP")
+    bench.value("SELF_TEST")
+    bench.run(400)
+    stack = memory.read_bytes(0x20000000, top - 0x20000000)
+    untouched = len(stack) - len(stack.lstrip(b"\xa5"))
+    used = len(stack) - untouched
+    computed = sum(need for _, need, _ in budget.stack_rows(ELF))
+    assert untouched > 0
+    assert 500 < used <= computed, f"{used} bytes used, {computed} computed"
