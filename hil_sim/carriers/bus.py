@@ -1,6 +1,7 @@
 """A bus that python-can reaches: `udp_multicast`, which needs nothing but a network stack, or `socketcan`."""
 
 import time
+from collections import deque
 from typing import Any
 
 import can
@@ -10,6 +11,7 @@ from hil_sim.errors import SimError
 
 # A bus does not tell who listens; a host pings ten times a second.
 SILENCE_S = 2.0
+ECHOES = 4096
 UDP_GROUP, UDP_PORT = "239.74.163.2", 43113  # python-can's own
 REMEDY = {
     "socketcan": "make the interface first (ip link add dev vcan0 type vcan && ip link set vcan0 up), "
@@ -31,6 +33,8 @@ class BusCarrier:
         self._bus: can.BusABC | None = None
         self._heard_s = time.monotonic() - SILENCE_S
         self._dropped = 0
+        # Multicast brings a socket its own frames too; on a bus nobody hears himself.
+        self._echoes: deque[CanFrame] = deque(maxlen=ECHOES if interface == "udp_multicast" else 0)
         self.plug()
 
     @property
@@ -68,9 +72,7 @@ class BusCarrier:
             self._bus = can.Bus(**options)
         except (can.CanError, OSError) as error:
             interface = options["interface"]
-            raise SimError(
-                f"{self.address}: no {interface} here ({error}); {REMEDY[interface]}"
-            ) from None
+            raise SimError(f"{self.address}: no {interface} here ({error}); {REMEDY[interface]}") from None
 
     def close(self) -> None:
         """Leaves the bus for good."""
@@ -84,11 +86,21 @@ class BusCarrier:
         frames: list[CanFrame] = []
         message = self._bus.recv(timeout_s)
         while message is not None:
-            self._heard_s = time.monotonic()
-            if not (message.is_extended_id or message.is_remote_frame or message.is_error_frame):
-                frames.append((message.arbitration_id, bytes(message.data)))
+            frame = (message.arbitration_id, bytes(message.data))
+            plain = not (message.is_extended_id or message.is_remote_frame or message.is_error_frame)
+            if not self._is_echo(frame):
+                self._heard_s = time.monotonic()
+                frames += [frame] if plain else []
             message = self._bus.recv(0.0)
         return frames
+
+    def _is_echo(self, frame: CanFrame) -> bool:
+        """Echoes come in the order of sending; those before this one were lost."""
+        if frame not in self._echoes:
+            return False
+        while self._echoes.popleft() != frame:
+            pass
+        return True
 
     def send(self, frames: list[CanFrame]) -> None:
         """Puts frames on the bus."""
@@ -99,3 +111,5 @@ class BusCarrier:
                 self._bus.send(can.Message(arbitration_id=number, data=data, is_extended_id=False))
             except can.CanError:
                 self._dropped += 1
+            else:
+                self._echoes.append((number, data))

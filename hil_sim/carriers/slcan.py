@@ -89,9 +89,8 @@ class SlcanCarrier:
     def receive(self, timeout_s: float) -> list[CanFrame]:
         """Waits for commands, at most timeout_s; returns the frames that they put on the bus."""
         *lines, self._rest = (self._rest + self._line.receive(timeout_s)).split(CR)
-        if len(self._rest) > LONGEST:
-            self._rest = b""
-            self._line.send(BELL)
+        # Of what is too long no more is kept than shows that it was.
+        self._rest = self._rest[: LONGEST + 1]
         answers = b"".join(self._answer(line) for line in lines)
         if answers:
             self._line.send(answers)
@@ -120,6 +119,8 @@ class SlcanCarrier:
         text = line.strip(b"\n").decode("ascii", errors="replace")
         if not text:
             return CR
+        if len(text) > LONGEST:
+            return BELL
         command = self._commands.get(text[0])
         return BELL if command is None else command(text[1:])
 
