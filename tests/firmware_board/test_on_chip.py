@@ -152,6 +152,45 @@ def test_a_sync_edge_flags_the_sample_of_its_own_millisecond() -> None:
     assert np.diff(flagged).tolist() == [16]
 
 
+def hold_interrupts_until_after_tick(bench: Bench, late_us: float) -> None:
+    """From now until `late_us` after the next tick's instant.
+
+    A run ends 0.98 trigger periods after a tick, so the next one is 1000 - 122.5 us away.
+    """
+    soc = bench.board.soc
+    soc.interrupts_held = True
+
+    def release() -> None:
+        soc.interrupts_held = False
+        soc.interrupts_changed()
+
+    soc.schedule.after_seconds((1000 - 122.5 + late_us) * 1e-6, release)
+
+
+@pytest.mark.parametrize(
+    ("late_us", "late", "missed"),
+    [
+        (900, 0, 0),  # within the period: nothing is lost, nothing is late
+        (1020, 1, 0),  # the half is still whole: late, but delivered
+        (1200, 0, 1),  # overwritten since 1125 us
+        (3200, 0, 3),
+    ],
+)
+def test_a_delayed_interrupt_loses_no_more_than_it_must(late_us: float, late: int, missed: int) -> None:
+    bench = Bench()
+    bench.value("START")
+    bench.run(100)
+    before = bench.status()
+    hold_interrupts_until_after_tick(bench, late_us)
+    bench.run(20)
+    after = bench.status()
+    assert after.late - before.late == late
+    # The filter's window of 28 conversions has to fill again: three more instants without a sample.
+    assert after.overruns - before.overruns == (missed + 3 if missed else 0)
+    # Nothing vanishes: every millisecond is a sample or counted.
+    assert after.produced - before.produced == round((after.t_us - before.t_us) / 1000)
+
+
 def test_the_tick_is_far_below_a_quarter_of_its_period() -> None:
     bench = Bench()
     bench.value("START")

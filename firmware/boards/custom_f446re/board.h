@@ -1,6 +1,6 @@
-/* An STM32F446RE on a board of one's own: a crystal instead of the ST-LINK's clock, encoder 1 on the pin that
- * carries the Nucleo's LED, CAN beside USB, everything else as on the Nucleo. This file is all that such a
- * board needs, and an environment in platformio.ini that names its folder. */
+/* An STM32F446RE on a board of one's own: a crystal instead of the ST-LINK's clock, other pins for the
+ * accelerometer, encoder 1, CAN and the LED. This file is all that such a board needs, and an environment in
+ * platformio.ini that names its folder. */
 #ifndef BOARD_H
 #define BOARD_H
 

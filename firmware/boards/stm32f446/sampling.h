@@ -12,12 +12,14 @@
  *                                                                      the count is behind    0.09 .. 0.12 us
  *   ADC:     trigger to start of sampling                              2 to 3 ADC clocks      0.09 .. 0.14 us
  *            sampling, at whose end the voltage is held                15 ADC clocks                  0.67 us
- *   The counts captured are those of -0.10 .. -0.04 us, the voltage is that of +0.76 .. +0.81 us: the skew is
- *   0.80 .. 0.91 us, below 1 us, and constant to 0.11 us. Both axes share the ADC clock: their skew is that
- * of two sampling switches, nanoseconds. 15 clocks suffice: behind the 10 nF filter capacitor the sampling
- * capacitor (7 pF at most) settles through the converter's own 6 kOhm with 42 ns, 16 time constants in 667
- * ns, and takes 0.07 % of the difference between two consecutive readings of the same axis from the filter
- * capacitor.
+ *   The counts captured are those of -0.10 .. -0.04 us, the voltage is that of +0.76 .. +0.81 us.
+ *
+ * So the skew is 0.80 .. 0.91 us, below 1 us, and constant to 0.11 us. Both axes share the ADC clock: their
+ * skew is that of two sampling switches, nanoseconds.
+ *
+ * 15 clocks of sampling suffice: behind the 10 nF filter capacitor the sampling capacitor (7 pF at most)
+ * settles through the converter's own 6 kOhm with 42 ns, 16 time constants in 667 ns, and takes 0.07 % of the
+ * difference between two consecutive readings of the same axis from the filter capacitor.
  *
  * No software takes part, so interrupt latency cannot move a sample. A tick served more than 1000 us late is
  * marked; one whose half has been overwritten is counted as missed.
