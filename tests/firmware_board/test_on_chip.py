@@ -127,6 +127,25 @@ def test_a_clock_that_dies_is_recorded_and_the_next_boot_does_without_it() -> No
     assert bench.value("LOG", "FAULT_COUNT") == 1, "the record stays readable"
 
 
+def test_a_processor_fault_leaves_its_record() -> None:
+    """A precise bus fault with a valid address, as Armv7-M B3.2.15 encodes it, escalated to a hard fault."""
+    bench = Bench()
+    bench.value("START")
+    scb = bench.board.soc.scb.value
+    scb["CFSR"], scb["HFSR"], scb["BFAR"] = 0x8200, 0x40000000, 0x60001234
+    bench.board.soc.nvic.pend(3)
+    bench.run(5)
+    bench.reboot()
+    assert bench.value("INFO", "RESET_CAUSE") == code("reset_cause", "FAULT", "STATUS_HEALTH")
+    assert bench.value("LOG", "FAULT_KIND") == 1
+    assert bench.value("LOG", "FAULT_CFSR") == 0x8200
+    assert bench.value("LOG", "FAULT_HFSR") == 0x40000000
+    assert bench.value("LOG", "FAULT_ADDRESS") == 0x60001234
+    assert 0x08000000 <= bench.value("LOG", "FAULT_PC") < 0x08008000
+    assert bench.value("LOG", "FAULT_PSR") & 0x01000000, "Thumb state of the stacked frame"
+    assert 10_000 <= bench.value("LOG", "FAULT_UPTIME_US") <= 20_000
+
+
 def test_a_main_loop_that_hangs_is_reset_by_the_watchdog() -> None:
     bench = Bench()
     # Nominal 32 kHz: 2000 counts of 1 ms.
