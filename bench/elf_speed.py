@@ -37,7 +37,9 @@ def bench(binary: Path, carrier: str, seconds: float) -> None:
         board.serial_receive(command(1, "START"), board.now_us)
     else:
         start = {"request_id": 1, "opcode": layout.code("COMMAND", "opcode", "START"), "item": 0, "value": 0}
-        board.can_receive(0x100, layout.database().encode_message("COMMAND", start, scaling=False), board.now_us)
+        board.can_receive(
+            0x100, layout.database().encode_message("COMMAND", start, scaling=False), board.now_us
+        )
     counter.run(*readings(BLOCK, rng))
     reader = FrameReader()
     answered = any(accepts_start(frame) for frame in reader.feed(board.serial_take()))
@@ -49,7 +51,8 @@ def bench(binary: Path, carrier: str, seconds: float) -> None:
         board.serial_take()
         board.can_take()
     wall, cpu = time.perf_counter() - wall, time.process_time() - cpu
-    print(f"{carrier}: {seconds / wall:.2f} x real time ({seconds / cpu:.2f} x by processor time); {counter.result()}")
+    speed = f"{seconds / wall:.2f} x real time ({seconds / cpu:.2f} x by processor time)"
+    print(f"{carrier}: {speed}; {counter.result()}")
 
 
 if __name__ == "__main__":

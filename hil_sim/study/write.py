@@ -33,7 +33,7 @@ def write_study(
         out: the folder; must be absent or empty.
         seed: of all chance.
         truth_file: where to write what is hidden; None: nowhere.
-        binary: an ELF file of the firmware to run in the emulator, booted for each trial; None: the native core.
+        binary: an ELF file of the firmware, emulated and booted for each trial; None: the native core.
 
     Raises:
         SimError: out is in use, or the truth would lie inside it.

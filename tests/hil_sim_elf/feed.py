@@ -14,7 +14,9 @@ def readings(ticks: int, seed: int, first: int = 0) -> tuple[NDArray[np.uint16],
     """
     rng = np.random.default_rng([seed, first])
     t = (8 * first + np.arange(8 * ticks)) / 8000.0
-    waves = np.stack([2048 + 1900 * np.sin(2 * np.pi * 0.31 * t), 2048 + 700 * np.cos(2 * np.pi * 7.1 * t)], 1)
+    waves = np.stack(
+        [2048 + 1900 * np.sin(2 * np.pi * 0.31 * t), 2048 + 700 * np.cos(2 * np.pi * 7.1 * t)], 1
+    )
     waves += rng.normal(0.0, 60.0, waves.shape)
     adc = np.clip(np.rint(waves), 0, 4095).astype(np.uint16).reshape(ticks, 8, 2)
     turn = np.sin(2 * np.pi * 0.7 * t[7::8])

@@ -37,7 +37,9 @@ def status(board: ElfBoard) -> dict[str, int]:
     return found
 
 
-def ask(board: ElfBoard, request: int, opcode: str, item: str | None = None, value: int = 0) -> tuple[str, int]:
+def ask(
+    board: ElfBoard, request: int, opcode: str, item: str | None = None, value: int = 0
+) -> tuple[str, int]:
     """Sends a command. Returns the name of the result, and the value."""
     number = layout.code("COMMAND", "item", item) if item else 0
     board.serial_take()
@@ -46,7 +48,10 @@ def ask(board: ElfBoard, request: int, opcode: str, item: str | None = None, val
     kind = layout.code("BATCH", "kind", "RESPONSE")
     frames = [frame for frame in FrameReader().feed(board.serial_take()) if frame.kind == kind]
     answer = layout.unpack("RESPONSE", np.frombuffer(frames[0].records, np.uint8).reshape(-1, 8))
-    results = {layout.code("RESPONSE", "result", name): name for name in ("OK", "BUSY", "FAILED", "BAD_VALUE", "BAD_ITEM")}
+    results = {
+        layout.code("RESPONSE", "result", name): name
+        for name in ("OK", "BUSY", "FAILED", "BAD_VALUE", "BAD_ITEM")
+    }
     assert answer["request_id"][0] == request
     return results[int(answer["result"][0])], int(answer["value"][0])
 

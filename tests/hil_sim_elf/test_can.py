@@ -5,7 +5,8 @@ from pathlib import Path
 import pytest
 from snippet import build, results, run
 
-from hil_sim.board.elf.can import RECOVERY_BITS, Frame, frame_bits
+from hil_sim.board.elf.can import RECOVERY_BITS
+from hil_sim.board.elf.can_frame import Frame, frame_bits
 from hil_sim.board.elf.errors import RuleViolation
 from hil_sim.board.elf.soc import Soc
 

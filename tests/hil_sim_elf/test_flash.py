@@ -23,7 +23,7 @@ def test_locked_after_reset_and_unlocked_by_the_two_keys(tmp_path: Path) -> None
 
 def test_wrong_key_is_refused(tmp_path: Path) -> None:
     """3.5.2: a wrong sequence locks FLASH_CR until the next reset and raises a bus error."""
-    with pytest.raises(RuleViolation, match="3.5.2"):
+    with pytest.raises(RuleViolation, match=r"3\.5\.2"):
         run(tmp_path, f"void reset(void) {{ {KEYR} = 0xCDEF89ABu; for (;;) {{}} }}")
 
 

@@ -64,7 +64,7 @@ def streams(firmware: Path) -> tuple[list[Frame], list[Frame], ElfBoard]:
             board.serial_receive(data, board.next_tick_us - 450)
         request += opcode != "INFO" or first % 2000 == 500
         for reader, board, kept in zip(readers, boards, frames, strict=True):
-            kept += reader.feed(board.serial_take())
+            kept.extend(reader.feed(board.serial_take()))
     assert [reader.damaged for reader in readers] == [0, 0]
     return frames[0], frames[1], binary
 
@@ -122,7 +122,9 @@ def test_pings_are_stamped_within_microseconds_of_their_arrival(
 def test_bus_off_was_counted_and_recovered_from(streams: tuple[list[Frame], list[Frame], ElfBoard]) -> None:
     _, binary, board = streams
     last = np.frombuffer(frames_of("STATUS", binary)[-1].records, np.uint8).reshape(-1, 8)
-    messages = sorted((m.frame_id, m.name) for m in layout.database().messages if m.name.startswith("STATUS_"))
+    messages = sorted(
+        (m.frame_id, m.name) for m in layout.database().messages if m.name.startswith("STATUS_")
+    )
     place = [name for _, name in messages].index("STATUS_BUS")
     assert layout.unpack("STATUS_BUS", last[place : place + 1])["bus_off"][0] == 1
     assert not board.soc.can1.bus_off

@@ -1,9 +1,9 @@
 """The shipping binary behind the same protocol as the native core.
 
-The emulated chip is wired as firmware/boards/nucleo_f446re/README.md says. A row of `run` is a millisecond of
-the world: what the converters see at eight instants 125 us apart, and where the encoders are at the last of
-them. Rows are laid on the chip's own trigger grid at its first conversion; between ticks encoders move linearly,
-and they rest for 1 us around each tick, so a latch that is later than that shows in the samples.
+The emulated chip is wired as firmware/boards/nucleo_f446re/README.md says. A row of `run` is a millisecond
+of the world: what the converters see at eight instants 125 us apart, and where the encoders are at the last
+of them. Rows are laid on the chip's own trigger grid at its first conversion; between ticks encoders move
+linearly, and they rest for 1 us around each tick, so a latch that is later than that shows in the samples.
 """
 
 from pathlib import Path
@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from hil_sim.board.elf.can import Frame
+from hil_sim.board.elf.can_frame import Frame
 from hil_sim.board.elf.errors import EmulatorError
 from hil_sim.board.elf.image import flash
 from hil_sim.board.elf.memory import Memory

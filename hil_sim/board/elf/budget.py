@@ -50,7 +50,7 @@ class TickBudget:
             f"instructions per 1 kHz tick: interrupt {np.median(self.handler):.0f} typical, "
             f"{self.handler.max()} worst ({100 * self.worst_handler_share:.1f} % of 1 ms); "
             f"with the main loop {np.median(self.whole):.0f} typical, {self.whole.max()} worst "
-            f"({100 * self.worst_share:.1f} %) at {self.frequency / 1e6:g} MHz and {CPI[0] / CPI[1]:g} cycles each"
+            f"({100 * self.worst_share:.1f} %) at {self.frequency / 1e6:g} MHz and CPI {CPI[0] / CPI[1]:g}"
         )
 
 

@@ -5,9 +5,9 @@ so that error counters move as ISO 11898-1 says, is decided by the bus that a te
 """
 
 from collections import deque
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
+from hil_sim.board.elf.can_frame import Frame, Mailbox, frame_bits
 from hil_sim.board.elf.registers import ALL, Peripheral, Register
 from hil_sim.board.elf.schedule import Event
 
@@ -20,6 +20,7 @@ TMEIE, FMPIE0, FFIE0, FOVIE0, FMPIE1 = 1 << 0, 1 << 1, 1 << 2, 1 << 3, 1 << 4
 EWGIE, EPVIE, BOFIE, LECIE, ERRIE = 1 << 8, 1 << 9, 1 << 10, 1 << 11, 1 << 15
 EWGF, EPVF, BOFF = 1 << 0, 1 << 1, 1 << 2
 LEC_ACK, LEC_BIT_RECESSIVE = 3, 4
+INTERRUPTS = TMEIE | FMPIE0 | FFIE0 | FOVIE0 | FMPIE1 | EWGIE | EPVIE | BOFIE | LECIE | ERRIE
 TXRQ, RTR, IDE = 1 << 0, 1 << 1, 1 << 2
 MAILBOXES = 3
 FIFO_DEPTH = 3
@@ -27,38 +28,6 @@ FILTERS = 28
 RECOVERY_BITS = 128 * 11  # 30.7.6
 WARNING, PASSIVE, BUS_OFF = 96, 128, 256
 IRQ_TX, IRQ_RX0, IRQ_RX1, IRQ_SCE = 19, 20, 21, 22
-
-
-@dataclass(frozen=True)
-class Frame:
-    """A classic data frame with an 11-bit identifier."""
-
-    identifier: int
-    data: bytes
-
-
-def frame_bits(length: int) -> int:
-    """Longest standard data frame with `length` bytes, interframe space included.
-
-    44 bits and the data, 3 of interframe space, and a stuff bit after each four of the 34 + 8 n bits that
-    can be stuffed (after the first five).
-    """
-    return 44 + 8 * length + (34 + 8 * length - 1) // 4 + 3
-
-
-class Mailbox:
-    """A transmit mailbox."""
-
-    def __init__(self) -> None:
-        self.words = [0, 0, 0, 0]  # TIR, TDTR, TDLR, TDHR
-        self.order = 0
-
-    @property
-    def frame(self) -> Frame:
-        """What it holds."""
-        length = min(self.words[1] & 15, 8)
-        data = (self.words[2] | self.words[3] << 32).to_bytes(8, "little")
-        return Frame(self.words[0] >> 21, data[:length])
 
 
 class Can(Peripheral):
@@ -70,7 +39,7 @@ class Can(Peripheral):
         Register("TSR", 0x08, "30.9.2", 0x1C00_0000, ALL),
         Register("RF0R", 0x0C, "30.9.2", 0, 0x3F),
         Register("RF1R", 0x10, "30.9.2", 0, 0x3F),
-        Register("IER", 0x14, "30.9.2", 0, TMEIE | FMPIE0 | FFIE0 | FOVIE0 | FMPIE1 | EWGIE | EPVIE | BOFIE | LECIE | ERRIE),
+        Register("IER", 0x14, "30.9.2", 0, INTERRUPTS),
         Register("ESR", 0x18, "30.9.2", 0, 0x70),
         Register("BTR", 0x1C, "30.9.2", 0x0123_0000, 0x037F_03FF),
         Register("FMR", 0x200, "30.9.4", 0x2A1C_0E01, 0x3F01),
@@ -154,7 +123,7 @@ class Can(Peripheral):
     # --- transmission (30.7.1) ----------------------------------------------------------------------
 
     def _next_mailbox(self) -> int | None:
-        """The pending mailbox that goes first: by request order with TXFP, else by identifier, then number."""
+        """The pending mailbox that goes first: by order of request with TXFP, else by identifier."""
         pending = [n for n, box in enumerate(self.mailboxes) if box.words[0] & TXRQ]
         if not pending:
             return None

@@ -1,7 +1,7 @@
 """DMA controllers (RM0390 chapter 9): streams in direct mode between peripherals and memory.
 
-A request moves one item at the instant it is made; arbitration delays of a few bus cycles are not modelled, so
-stream priorities have no observable effect beyond the order of requests of one instant.
+A request moves one item at the instant it is made. Arbitration delays of a few bus cycles are not modelled,
+so stream priorities have no observable effect.
 """
 
 from collections.abc import Callable

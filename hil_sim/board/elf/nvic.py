@@ -61,7 +61,7 @@ class Nvic(Peripheral):
         return min((self.priority_of(number) for number in self.active), default=THREAD)
 
     def candidate(self) -> int | None:
-        """The pending exception that would enter next if no mask held it back; ties go to the lower number."""
+        """The pending exception that would enter next but for masks; of equals the lower number."""
         if not self.pending:
             return None
         ready = [(self.priority_of(n), n) for n in self.pending if n in self.enabled]
@@ -90,14 +90,14 @@ class Nvic(Peripheral):
             if first <= offset < first + 4 * WORDS and size == 4:
                 base = FIRST_IRQ + 8 * (offset - first)
                 return sum(1 << bit for bit in range(32) if base + bit in members)
-        if IPR <= offset and offset + size <= IPR + IRQS:
+        if offset >= IPR and offset + size <= IPR + IRQS:
             first = FIRST_IRQ + offset - IPR
             return int.from_bytes(bytes(self.priority[first : first + size]), "little")
         raise self.unmodelled("read", "?", offset, (1 << (8 * size)) - 1)
 
     def write(self, offset: int, size: int, value: int) -> None:
         """Ones set or clear; zeros do nothing (PM0214 4.3.2)."""
-        if IPR <= offset and offset + size <= IPR + IRQS:
+        if offset >= IPR and offset + size <= IPR + IRQS:
             for index, byte in enumerate(value.to_bytes(size, "little")):
                 if byte & 0x0F:
                     raise self.unmodelled("write", "IPR", offset, value)  # only bits 7:4 exist

@@ -2,8 +2,8 @@
 
 A model lists its registers as rows: name, offset, section of the manual, value after reset, and the bits that
 the model gives a meaning to. Writing any other bit differently from its reset value, touching an offset
-that is no row, or using another width than the manual allows, raises `UnmodelledAccess`. Status registers whose
-flags are cleared by writing zeros take ones anywhere, since that is how one flag is cleared alone.
+that is no row, or using another width than the manual allows, raises `UnmodelledAccess`. Status registers
+whose flags are cleared by writing zeros take ones anywhere: that is how one flag is cleared alone.
 """
 
 from collections.abc import Callable

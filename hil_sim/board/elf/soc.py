@@ -1,8 +1,8 @@
 """The STM32F446RE as far as it is modelled: processor, buses, peripherals, and the wires between them.
 
 Time advances by events. While the processor sleeps the clock jumps to the next event; while it runs, it is
-stopped before the block of instructions that would begin after the next event. An interrupt enters between two
-blocks, never within one: at most a few hundred nanoseconds late.
+stopped before the block of instructions that would begin after the next event. An interrupt enters between
+two blocks, never within one: at most a few hundred nanoseconds late.
 """
 
 from collections.abc import Callable
@@ -10,7 +10,7 @@ from collections.abc import Callable
 from hil_sim.board.elf import dma as dma_model
 from hil_sim.board.elf.adc import AdcPair
 from hil_sim.board.elf.can import Can
-from hil_sim.board.elf.cpu import CPI, NO_WATCH, Cpu, Stop
+from hil_sim.board.elf.cpu import NO_WATCH, Cpu, Stop
 from hil_sim.board.elf.errors import UnmodelledAccess
 from hil_sim.board.elf.flash import Flash
 from hil_sim.board.elf.gpio import ANALOG, Gpio
@@ -20,8 +20,8 @@ from hil_sim.board.elf.nvic import THREAD, Nvic
 from hil_sim.board.elf.pwr import Pwr
 from hil_sim.board.elf.rcc import GATES, HSI_HZ, Rcc
 from hil_sim.board.elf.registers import Peripheral
-from hil_sim.board.elf.schedule import Schedule
 from hil_sim.board.elf.scb import Scb
+from hil_sim.board.elf.schedule import Schedule
 from hil_sim.board.elf.signature import Signature
 from hil_sim.board.elf.systick import SysTick
 from hil_sim.board.elf.timer import Timer
@@ -88,7 +88,7 @@ class Soc:
         self.cpu.map_peripherals(BUS_BASE, BUS_SIZE, self._cpu_read, self._cpu_write)
         self.cpu.map_peripherals(SYSTEM_MEMORY, 0x1000, self._cpu_read, self._cpu_write)
         self.cpu.map_peripherals(SCS_BASE, 0x1000, self._cpu_read, self._cpu_write)
-        self.cpu.on_flash_write(lambda address, size, value: self.flash.program(address, size, value))
+        self.cpu.on_flash_write(self._program)
 
     def _build(self, reset_cause: str) -> None:
         """Every peripheral in its reset state, then the processor out of reset."""
@@ -171,6 +171,9 @@ class Soc:
         head = self.schedule.next_cycle()
         if head is not None and head < self.clock.deadline:
             self.clock.deadline = head
+
+    def _program(self, address: int, size: int, value: int) -> None:
+        self.flash.program(address, size, value)
 
     def _catch_up(self) -> None:
         """What is due before this access has happened before it."""
@@ -345,8 +348,3 @@ class Soc:
                 self.cpu.tail_chain(following, self._handler(following))
                 return
         self.cpu.leave()
-
-
-def cycles_per_instruction() -> float:
-    """The assumption behind every time that the processor's work takes."""
-    return CPI[0] / CPI[1]
