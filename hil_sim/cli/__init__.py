@@ -11,6 +11,7 @@ from hil_sim.errors import SimError
 COMMANDS = {
     "list": "Scenarios that ship with the simulator, and their trials.",
     "study": "Write a study folder in virtual time.",
+    "random": "Write the study of a random laboratory, for validation.",
     "serve": "Serve the sensor board of one trial in real time.",
     "truth": "Print what a scenario hides.",
 }

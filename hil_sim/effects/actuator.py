@@ -46,14 +46,14 @@ EFFECTS = (
         "actuator.gain",
         "true torque = gain times logged torque",
         JOINTS,
-        (Parameter("gain", "1", 1.05, 1.05, 1.0),),
+        (Parameter("gain", "1", 1.05, 1.05, 1.0, signed=True),),
         _gain,
     ),
     Row(
         "actuator.offset",
         "logged torque = true torque + torque",
         JOINTS,
-        (Parameter("torque", "N*m", 0.05, 0.05, 0.0),),
+        (Parameter("torque", "N*m", 0.05, 0.05, 0.0, signed=True),),
         _offset,
     ),
     Row(

@@ -54,4 +54,7 @@ def apply(truth: TrialTruth, entries: tuple[Entry, ...]) -> TrialTruth:
     """The truth of a trial with these effects in it, one after the other."""
     for one in entries:
         truth = ROWS[one.effect].apply(truth, one)
+        alpha = truth.plant.alpha
+        if min(alpha[0], alpha[2]) <= 0.0 or 0.25 * alpha[1] ** 2 >= alpha[0] * alpha[2]:
+            raise SimError(f"effect {one.effect}: leaves a link without inertia; make it smaller")
     return truth

@@ -21,7 +21,7 @@ EFFECTS = (
         "clock.drift",
         "the robot's clock is ahead by seconds times a Legendre polynomial of degree 2 (3, ...) in time",
         ("sensor",),
-        (Parameter("seconds", "s", 0.003, 0.003, 0.0),),
+        (Parameter("seconds", "s", 0.003, 0.003, 0.0, signed=True),),
         _drift,
     ),
 )

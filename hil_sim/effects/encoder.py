@@ -33,7 +33,7 @@ EFFECTS = (
         "encoder.zero",
         "reading = theta + zero_rad",
         JOINTS,
-        (Parameter("zero_rad", "rad", 0.02, 0.02, 0.0),),
+        (Parameter("zero_rad", "rad", 0.02, 0.02, 0.0, signed=True),),
         _zero,
     ),
 )

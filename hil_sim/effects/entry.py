@@ -25,6 +25,9 @@ class Parameter:
             scaled with the effect's strength.
         default: used when the scenario leaves it out; None: it must be given.
         words: what it may be, where it is not a number.
+        signed: a random study may turn the departure from `neutral` round.
+        pair: it has a component along x and one along y.
+        inverse: the effect grows as one over it.
     """
 
     name: str
@@ -34,6 +37,9 @@ class Parameter:
     neutral: float | None = None
     default: Value = None
     words: tuple[str, ...] = ()
+    signed: bool = False
+    pair: bool = False
+    inverse: bool = False
 
 
 @dataclass(frozen=True)

@@ -79,7 +79,7 @@ EFFECTS = (
     _row(
         "load.stiffness_cubic",
         "the spring hardens: cubic |d|^2 d; a pair: cubic d^3 along x and along y",
-        (Parameter("cubic", "N/m^3", 1e5, 1e5, 0.0),),
+        (Parameter("cubic", "N/m^3", 1e5, 1e5, 0.0, signed=True),),
         _cubic,
     ),
     _row(
@@ -107,14 +107,14 @@ EFFECTS = (
     _row(
         "load.drift",
         "the equilibrium moves at rate; it stands at x0 in the middle of the trial",
-        (Parameter("rate", "m/s", 1e-4, 1e-4, 0.0),),
+        (Parameter("rate", "m/s", 1e-4, 1e-4, 0.0, signed=True, pair=True),),
         _drift,
     ),
     _row(
         "load.coupling",
         "what is added to K and M: departures from symmetry, or from M = m 1",
         (
-            Parameter("K", "N/m", neutral=0.0, default=0.0),
+            Parameter("K", "N/m", 20.0, 20.0, neutral=0.0, default=0.0),
             Parameter("M", "kg", neutral=0.0, default=0.0),
         ),
         _coupling,

@@ -184,7 +184,7 @@ EFFECTS = (
         "outside.torque_clipped",
         "the logged torque stops at this magnitude",
         JOINTS,
-        (Parameter("torque", "N*m", 0.8, 0.8),),
+        (Parameter("torque", "N*m", 0.8, 0.8, 0.0, inverse=True),),
         _clipped,
     ),
     Row(
@@ -198,7 +198,7 @@ EFFECTS = (
         "outside.torque_stuck",
         "every_s on the mean, both columns of torque repeat their last value for_s long",
         ("sensor",),
-        (Parameter("every_s", "s", 5.0, 5.0), Parameter("for_s", "s", 0.2, 0.2, 0.0)),
+        (Parameter("every_s", "s", 5.0, 5.0, 0.0, inverse=True), Parameter("for_s", "s", 0.2, 0.2)),
         _stuck,
     ),
     Row(
@@ -206,7 +206,7 @@ EFFECTS = (
         "somebody pushes once, half a sine",
         ("load", "tip"),
         (
-            Parameter("force", "N", 2.0, 2.0, 0.0),
+            Parameter("force", "N", 2.0, 2.0, 0.0, signed=True, pair=True),
             Parameter("start_s", "s", 8.0, 15.0),
             Parameter("duration_s", "s", 1.0, 2.0),
         ),

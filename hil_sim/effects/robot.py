@@ -105,8 +105,8 @@ EFFECTS = (
         "the motor drives the joint through a spring; encoders sit at the joint, the drive watches its motor",
         JOINTS,
         (
-            Parameter("stiffness", "N*m/rad", 20.0, 20.0),
-            Parameter("motor_inertia", "kg*m^2", 0.01, 0.01, 0.0),
+            Parameter("stiffness", "N*m/rad", 30.0, 30.0, 0.0, inverse=True),
+            Parameter("motor_inertia", "kg*m^2", 0.01, 0.01),
             Parameter("damping_ratio", "1", default=0.05),
         ),
         _transmission,

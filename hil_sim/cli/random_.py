@@ -1,0 +1,41 @@
+"""impid-sim random"""
+
+import json
+from pathlib import Path
+
+import click
+
+from hil_sim.cli.options import FILE, FOLDER, SEED
+from hil_sim.scenarios.random import FULL, SMALL, random_scenario
+from hil_sim.study.write import write_study
+
+
+@click.command("random")
+@SEED
+@click.option("--effect", "effects", multiple=True, metavar="NAME@WHERE", help="Hide this; may be repeated.")
+@click.option(
+    "--strength",
+    type=click.FloatRange(min=0.0, min_open=True),
+    default=5.0,
+    show_default=True,
+    help="Visible part of each effect over the noise floor, in the residual where it is clearest.",
+)
+@click.option("--out", type=FOLDER, required=True, help="Study folder to write; absent or empty.")
+@click.option("--truth", "truth_file", type=FILE, help="Where to write what is hidden, outside the study.")
+@click.option("--small", is_flag=True, help="Two free and two loaded trials of 30 s.")
+def command(
+    seed: int, effects: tuple[str, ...], strength: float, out: Path, truth_file: Path | None, small: bool
+) -> None:
+    """Write the study of a random laboratory, in good order but for what is asked for.
+
+    \b
+    Examples:
+      impid-sim random --seed 7 --out study --small
+      impid-sim random --seed 7 --effect friction.coulomb@joint1 --strength 3 --out study --truth truth.json
+    """
+    scenario, reached = random_scenario(seed, SMALL if small else FULL, effects, strength)
+    write_study(scenario, out, seed, truth_file)
+    if truth_file is not None:
+        truth = json.loads(truth_file.read_text(encoding="utf-8"))
+        truth["strength"] = {"wanted": strength, "reached": reached}
+        truth_file.write_text(json.dumps(truth, indent=2) + "\n", encoding="utf-8")
