@@ -52,6 +52,10 @@ static answer_t info(const impid_core_t *core, uint8_t item) {
         return ok((uint32_t)core->selftest.response_mV[0]);
     case IMPID_MESSAGES_COMMAND_ITEM_SELF_TEST_Y_MV_CHOICE:
         return ok((uint32_t)core->selftest.response_mV[1]);
+    case IMPID_MESSAGES_COMMAND_ITEM_SYNC_US_CHOICE:
+        return ok(core->port->health(core->port->context).sync_us);
+    case IMPID_MESSAGES_COMMAND_ITEM_SYNC_COUNT_CHOICE:
+        return ok(core->port->health(core->port->context).sync_count);
     default:
         return refused(IMPID_MESSAGES_RESPONSE_RESULT_BAD_ITEM_CHOICE);
     }

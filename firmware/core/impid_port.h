@@ -30,6 +30,8 @@ typedef struct {
     uint8_t rx_errors;      /* the controller's receive error counter */
     uint16_t supply_mV;     /* supply of the accelerometer, 0: not measured */
     uint16_t worst_tick_us; /* longest run of the sampling interrupt since boot */
+    uint32_t sync_us;       /* the counter at the last edge on the sync input */
+    uint32_t sync_count;    /* samples flagged with an edge since boot */
 } impid_port_health_t;
 
 typedef struct {

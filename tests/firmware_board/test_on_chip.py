@@ -169,6 +169,11 @@ def test_a_sync_edge_flags_the_sample_of_its_own_millisecond() -> None:
     (segment,) = SerialDecoder().feed(bench.board.serial_take()).segments
     flagged = np.flatnonzero(segment.samples.flags & 0x10)
     assert np.diff(flagged).tolist() == [16]
+    # The bench puts the edge in the middle of the row, which ends 0.98 trigger periods after its tick: half
+    # a period after the last one's end is 500 + 122.5 us after that tick, 377.5 us before the sample's own.
+    edge_us = bench.value("INFO", "SYNC_US")
+    assert int(segment.samples.t_us[flagged[1]]) - edge_us == pytest.approx(377.5, abs=1.5)
+    assert bench.value("INFO", "SYNC_COUNT") == 2
 
 
 def hold_interrupts_until_after_tick(bench: Bench, late_us: float) -> None:

@@ -28,6 +28,8 @@ struct impid_board {
     bool reset_requested;
     bool bus_is_off;
     uint16_t bus_off;
+    uint32_t sync_us;
+    uint32_t sync_count;
     line_t serial_line;
     line_t can_line;
     /* Bytes and frames: those up to `left` have passed the line and may be taken, the rest is queued. */
@@ -119,7 +121,10 @@ static void port_self_test_pin(void *context, bool drive) {
 
 static impid_port_health_t port_health(void *context) {
     const impid_board *board = context;
-    return (impid_port_health_t){.bus_off = board->bus_off, .supply_mV = VREF_MV};
+    return (impid_port_health_t){.bus_off = board->bus_off,
+                                 .supply_mV = VREF_MV,
+                                 .sync_us = board->sync_us,
+                                 .sync_count = board->sync_count};
 }
 
 static void port_request_reset(void *context) {
@@ -184,6 +189,10 @@ void impid_board_run(impid_board *board, size_t ticks, const uint16_t *adc, cons
                              .flags = tick_flags(fault)};
         advance_clock(board, board->next_tick_us);
         board->next_tick_us += IMPID_PERIOD_US;
+        if (fault & IMPID_BOARD_SYNC_EDGE) {
+            board->sync_us = tick.t_us;
+            board->sync_count++;
+        }
         impid_core_tick(&board->core, &tick);
         if (!(fault & IMPID_BOARD_STALLED)) {
             board->bus_is_off = false;

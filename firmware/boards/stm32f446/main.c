@@ -50,7 +50,8 @@ static void port_self_test_pin(void *context, bool drive) {
 
 static impid_port_health_t port_health(void *context) {
     (void)context;
-    impid_port_health_t health = {.supply_mV = supply_mV, .worst_tick_us = sampling_worst_tick_us()};
+    impid_port_health_t health = {.supply_mV = supply_mV};
+    sampling_health(&health);
     can_health(&health);
     return health;
 }

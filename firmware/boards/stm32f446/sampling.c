@@ -27,6 +27,8 @@ static bool edge_pending;
 /* Written by the interrupt, read by the main loop; single words. */
 static volatile uint32_t ticks;
 static volatile uint16_t worst_us;
+static volatile uint32_t sync_us;
+static volatile uint32_t sync_count;
 
 /* --- Supply -------------------------------------------------------------------------------------- */
 
@@ -141,6 +143,7 @@ static bool sync_edge_until(uint32_t t_us) {
     edge_pending = false;
     uint32_t edge_us;
     if (timebase_sync_edge(&edge_us)) {
+        sync_us = edge_us;
         bool younger = edge_us - t_us - 1u < UINT32_MAX / 2u;
         seen = seen || !younger;
         edge_pending = younger;
@@ -156,6 +159,7 @@ static void serve_due(uint8_t lateness) {
         flags |= IMPID_FLAG_ENCODER_FAULT;
     }
     if (sync_edge_until(due_us)) {
+        sync_count++;
         flags |= IMPID_FLAG_SYNC_EDGE;
     }
     impid_tick_t tick = {
@@ -214,6 +218,8 @@ uint32_t sampling_ticks(void) {
     return ticks;
 }
 
-uint16_t sampling_worst_tick_us(void) {
-    return worst_us;
+void sampling_health(impid_port_health_t *health) {
+    health->worst_tick_us = worst_us;
+    health->sync_us = sync_us;
+    health->sync_count = sync_count;
 }

@@ -35,6 +35,7 @@ uint16_t sampling_supply_mV(void);
 void sampling_start(impid_core_t *core);
 /* Ticks served since start. */
 uint32_t sampling_ticks(void);
-uint16_t sampling_worst_tick_us(void);
+/* Adds the tick's part to the account. */
+void sampling_health(impid_port_health_t *health);
 
 #endif
