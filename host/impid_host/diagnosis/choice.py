@@ -16,6 +16,7 @@ BLOCK_S = 2.0
 MAX_EFFECTS = 6
 _P_VALUE = 1e-3  # after multiplication by the number of candidates tried
 _ENERGY = 0.04  # least part of a row's noise variance that an effect must explain where it shows
+_RELATIVE = 0.01  # of what the other effects explain
 _FOLDS = 8
 _RESAMPLES = 80
 _INCLUSION = 0.8
@@ -45,7 +46,6 @@ class Table:
     def columns(self, active: Sequence[int]) -> list[int]:
         """Columns of the slots in `active`, in their order."""
         return [k for s in active for k in range(self.slots[s].columns.start, self.slots[s].columns.stop)]
-
 
     def with_shapes(self, candidate: Candidate, shapes: Sequence[float]) -> "Table":
         """The table with the candidate's columns at further shapes behind the others."""
@@ -229,8 +229,17 @@ def supported(table: Table, active: Sequence[int], s: int) -> bool:
     """Prewhitened F-test, size of the effect, blockwise cross-validation and bootstrap inclusion."""
     if p_value(table, active, s) > _P_VALUE or energy(table, active, s) < _ENERGY:
         return False
+    if not is_large(table, active, s):
+        return False
     blocks = block_grams(table, [*active, s])
     return carries_over(blocks, table.slots[s].candidate.size) and inclusion(table, blocks, s) >= _INCLUSION
+
+
+def is_large(table: Table, active: Sequence[int], s: int) -> bool:
+    """More than what an imperfect shape of a much larger effect leaves behind."""
+    P = projected(table.G, table.columns(active))
+    drop = gain(P, table.G, table.slots[s].columns)
+    return bool(drop > _RELATIVE * (table.G[0, 0] - P[0, 0]))
 
 
 def p_value(table: Table, active: Sequence[int], s: int) -> float:

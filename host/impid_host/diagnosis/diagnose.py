@@ -8,13 +8,15 @@ from scipy import stats
 
 from impid_host.diagnosis import proof
 from impid_host.diagnosis.base import Base, base_of
-from impid_host.diagnosis.choice import Table, choose, is_known, p_value, ranking, table_of
+from impid_host.diagnosis.choice import Table, is_known, p_value, pruned, ranking, supported, table_of
 from impid_host.diagnosis.evidence import base_directions, gain, projected, solve
 from impid_host.diagnosis.holdout import Holdout, hold_out
+from impid_host.diagnosis.leftover import structures, unmasked
 from impid_host.diagnosis.prepare import setting_of, views
 from impid_host.diagnosis.result import Chosen, Diagnosis, Finding, Number, Rival, Stage, as_array
 from impid_host.diagnosis.rows import Run, Slot, Taps, build_runs, slots_of
 from impid_host.diagnosis.smooth import smooth_candidates
+from impid_host.diagnosis.ties import ties
 from impid_host.diagnosis.whiten import noise_models, whitened
 from impid_host.effects.catalogue import CATALOGUE, candidates
 from impid_host.effects.view import View
@@ -54,28 +56,81 @@ def diagnose(study: Study, progress: Progress = _silent) -> Diagnosis:
     """
     case = prepare(study, progress)
     progress("choosing", 0.7)
-    table, active = choose(case.table)
-    case = replace(case, table=table)
+    case, active, curves = chosen_twice(case)
+    table = case.table
     findings = _findings(case, active)
-    progress("judging on held-out data", 0.8)
+    progress("judging on held-out data", 0.85)
     stages = _stages(study, case, findings)
+    left = structures(table, active, curves, case.views)
+    floor = noise_floor(study, case, [*active, *curves], stages[-1])
     first, last = stages[0].rms, stages[-1].rms
-    before = sum(first[key] ** 2 for key in first)
-    notes = (
-        ()
-        if any(view.measured is not None for view in case.views)
-        else ("no accelerometer: accelerations come from the angles, and its faults cannot be seen",)
-    )
+    before = sum((first[key] / floor[key]) ** 2 for key in first)
+    after = sum(max((last[key] / floor[key]) ** 2 - 1, 0.0) for key in first)
+    notes = []
+    if all(view.measured is None for view in case.views):
+        notes.append("no accelerometer: accelerations come from the angles, and its faults cannot be seen")
     return Diagnosis(
         study=study.name,
         fit_trials=case.holdout.fit,
         validation_trials=case.holdout.validation,
         stages=stages,
-        floor=last,
-        share_unexplained=float(sum(last[key] ** 2 for key in last) / max(before, 1e-300)),
-        above_noise_floor=False,
-        notes=notes,
+        floor=floor,
+        share_unexplained=float(after / before),
+        above_noise_floor=bool(left),
+        structure=tuple(left),
+        ambiguous=tuple(ties(table, active)),
+        notes=tuple(notes),
     )
+
+
+def chosen_twice(case: Case) -> tuple[Case, list[int], list[int]]:
+    """The choice, then again what of it holds under a noise model fitted on what it leaves.
+
+    The first noise model comes from a saturated regression, which takes slow noise for signal; the second
+    sees all that is left, and so errs on the side of noise.
+    """
+    table, active, curves = unmasked(case.table)
+    if not active and not curves:
+        return replace(case, table=table), active, curves
+    picked = [table.slots[s] for s in (*active, *curves)]
+    again = second_opinion(case, picked)
+    slots = list(range(len(again.slots) - len(picked), len(again.slots)))
+    kept = pruned(again, [], slots)
+    active = [
+        s for s in slots[: len(active)] if s in kept and supported(again, [o for o in kept if o != s], s)
+    ]
+    curves = [s for s in slots[len(slots) - len(curves) :] if s in kept] if curves else []
+    return replace(case, table=again), active, curves
+
+
+def second_opinion(case: Case, picked: Sequence[Slot]) -> Table:
+    """The table under a noise model of what the picked slots leave; they stand last in it."""
+    first = case.base.size
+    fresh = []
+    for slot in picked:
+        fresh.append(replace(slot, columns=slice(first, first + slot.candidate.size)))
+        first += slot.candidate.size
+    raw = [run for view in case.views for run in build_runs(view, case.base, fresh, case.holdout)]
+    taps = noise_models(raw, range(first), {})
+    table = whitened_table(case.views, case.base, case.holdout, case.slots, case.runs, taps)
+    for slot in picked:
+        table = table.with_shapes(slot.candidate, [slot.shape])
+    return table
+
+
+def noise_floor(study: Study, case: Case, active: Sequence[int], last: Stage) -> dict[str, float]:
+    """What noise alone leaves in each held-out channel: the last model with the curves taken out as well."""
+    table = case.table
+    if not any(not is_known(table.slots[s]) for s in active):
+        return dict(last.rms)
+    beta, _ = solve(table.G, table.columns(active))
+    chosen, first = [], 0
+    for s in active:
+        candidate = table.slots[s].candidate
+        part = beta[first : first + candidate.size]
+        chosen.append(Chosen(candidate, table.slots[s].shape, part, np.zeros((len(part), len(part)))))
+        first += candidate.size
+    return _numbers(study, case, chosen)[2]
 
 
 def prepare(study: Study, progress: Progress = _silent) -> Case:
@@ -93,7 +148,15 @@ def prepare(study: Study, progress: Progress = _silent) -> Case:
         progress(f"evaluating the catalogue on {view.name}", 0.25 + 0.4 * index / len(parts))
         runs += build_runs(view, base, slots, holdout)
     taps = noise_models(runs, saturated(base, slots), {})
-    return Case(tuple(parts), base, holdout, tuple(slots), tuple(runs), taps, whitened_table(parts, base, holdout, slots, runs, taps))
+    return Case(
+        tuple(parts),
+        base,
+        holdout,
+        tuple(slots),
+        tuple(runs),
+        taps,
+        whitened_table(parts, base, holdout, slots, runs, taps),
+    )
 
 
 def whitened_table(
@@ -157,7 +220,7 @@ def saturated(base: Base, slots: Sequence[Slot]) -> list[int]:
     """Columns of the base, and of every candidate at every few shapes: what leaves nothing but noise."""
     columns = list(range(base.size))
     for slot in slots:
-        if not is_known(slot):
+        if not is_known(slot) and slot.candidate.size > 8:
             continue
         shapes = slot.candidate.shapes
         if slot.shape in shapes[:: max(1, len(shapes) // 4)]:
@@ -278,14 +341,18 @@ def _stages(study: Study, case: Case, findings: Sequence[Finding]) -> tuple[Stag
     stages = []
     for count in range(len(findings) + 1):
         chosen = [part for finding in findings[:count] for part in finding.parts]
-        alpha, loads, rms, vaf = proof.report(
-            case.views,
-            chosen,
-            case.base,
-            case.holdout,
-            handle_mass_kg=study.setup.handle_mass_kg,
-            prior=study.setup.prior_alpha,
-        )
+        alpha, loads, rms, vaf = _numbers(study, case, chosen)
         added = findings[count - 1] if count else None
         stages.append(Stage(added, rms, vaf, alpha, case.base.model.parameter_names, loads))
     return tuple(stages)
+
+
+def _numbers(study: Study, case: Case, chosen: Sequence[Chosen]) -> proof.Numbers:
+    return proof.report(
+        case.views,
+        chosen,
+        case.base,
+        case.holdout,
+        handle_mass_kg=study.setup.handle_mass_kg,
+        prior=study.setup.prior_alpha,
+    )

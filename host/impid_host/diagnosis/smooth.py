@@ -28,6 +28,12 @@ def variables(setting: Setting) -> dict[str, Variable]:
     return result
 
 
+def pull(view: View, joint: int) -> Floats:
+    """Size of the torque that the joint transmits, (N,)."""
+    result: Floats = np.abs(view.torque_model[:, joint])
+    return result
+
+
 def curve_basis(values: Floats, low: float, high: float, count: int) -> Floats:
     """`count` cubic B-splines over low..high at (N,) values, held at the ends: (N, count)."""
     knots = np.concatenate([[low] * 3, np.linspace(low, high, count - 2), [high] * 3])
@@ -39,6 +45,8 @@ def curve_basis(values: Floats, low: float, high: float, count: int) -> Floats:
 def smooth_candidates(parts: Sequence[View], setting: Setting) -> list[Candidate]:
     """A curve in every variable on every torque channel, and a few products with the direction or speed."""
     result = []
+    for joint in range(setting.joints):
+        result.append(_friction_by_pull(parts, joint))
     for name, variable in variables(setting).items():
         values = np.concatenate([variable(view)[view.valid] for view in parts])
         low, high = np.percentile(values, [0.2, 99.8])
@@ -59,6 +67,16 @@ def _curves(
             return _on(view, joint, curve_basis(variable(view), low, high, count))
 
         yield _candidate(name, joint, columns, count, f"{name} by {count}")
+
+
+def _friction_by_pull(parts: Sequence[View], joint: int) -> Candidate:
+    high = float(np.percentile(np.concatenate([pull(view, joint)[view.valid] for view in parts]), 99.5))
+
+    def columns(view: View, _shape: float) -> Columns:
+        direction = sign_mean(view.omega[:, joint], view.acc[:, joint], view.dt)
+        return _on(view, joint, curve_basis(pull(view, joint), 0.0, high, 4) * direction[:, None])
+
+    return _candidate("direction", joint, columns, 4, "direction times torque")
 
 
 def _products(name: str, variable: Variable, low: float, high: float, joint: int) -> Iterator[Candidate]:

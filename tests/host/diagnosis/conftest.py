@@ -41,7 +41,9 @@ class World:
     noise_kind: str = "white"
     torque: list[Callable] = field(default_factory=list)  # (m, rng) -> (N, 2) joint torque needed
     load_force: list[Callable] = field(default_factory=list)  # (m, load) -> (N, 2) added to -F_ext
-    tip_force: list[Callable] = field(default_factory=list)  # (m, load) -> (N, 2) force the robot must overcome
+    tip_force: list[Callable] = field(
+        default_factory=list
+    )  # (m, load) -> (N, 2) force the robot must overcome
     gain: tuple[float, float] = (1.0, 1.0)  # true / logged
     delay: float = 0.0
     accel_gain: tuple[float, float] = (1.0, 1.0)
@@ -164,7 +166,9 @@ def build(world: World) -> Study:
             x0 = Moving(np.zeros(1), centre[None], np.zeros((1, 2)), np.zeros((1, 2))).x[0]
             load = (m, K, x0)
         name = f"spring_{'A' if world.same_load else 'AB'[number % 2] + str(number // 2)}_{number + 1:02d}"
-        trials.append(record(world, rng, setup, alpha, at, load, name if loaded else f"free_{index + 1:02d}", index))
+        trials.append(
+            record(world, rng, setup, alpha, at, load, name if loaded else f"free_{index + 1:02d}", index)
+        )
     return Study(f"study {world.seed}", setup, tuple(sorted(trials, key=lambda trial: trial.name)))
 
 
@@ -213,7 +217,9 @@ def record(world, rng, setup, alpha, at, load, name, index):
     )
     device = None
     if world.device:
-        t_us = np.arange(np.ceil((offset + 0.4) * 1e6), (offset + world.duration) * 1e6, 1000).astype(np.uint64)
+        t_us = np.arange(np.ceil((offset + 0.4) * 1e6), (offset + world.duration) * 1e6, 1000).astype(
+            np.uint64
+        )
         t = (t_us * 1e-6 - offset) / rate
         now = at(t)
         felt = at(t - world.accel_delay)
