@@ -3,7 +3,7 @@
 from dataclasses import dataclass, replace
 
 from hil_sim.board import layout
-from hil_sim.board.native import BoardConfig, NativeBoard
+from hil_sim.board.native import TICK_US, BoardConfig, NativeBoard
 
 # From bus-off to bus-off while the bus is shorted: 128 times 11 bits of waiting, then 32 attempts.
 BUS_OFF_AGAIN_US = 3000
@@ -66,7 +66,8 @@ class PoweredBoard:
         """Lets the controller leave the bus if it is time; how many of the next ticks may run at once."""
         if self._next_bus_off_us is None:
             return ticks
-        if self.board.next_tick_us >= self._next_bus_off_us:
+        next_tick_us = self.board.next_tick_us
+        if next_tick_us >= self._next_bus_off_us:
             self.board.can_bus_off()
-            self._next_bus_off_us = self.board.next_tick_us + BUS_OFF_AGAIN_US
-        return min(ticks, BUS_OFF_AGAIN_US // 1000)
+            self._next_bus_off_us = next_tick_us + BUS_OFF_AGAIN_US
+        return min(ticks, -((next_tick_us - self._next_bus_off_us) // TICK_US))
