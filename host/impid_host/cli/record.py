@@ -12,6 +12,7 @@ import click
 from rich.console import Console
 
 from impid_host import __version__
+from impid_host.calibration.accelerometer import AccelerometerCalibration
 from impid_host.cli.link_options import address_of, link_options
 from impid_host.clock.device import fit_clock
 from impid_host.errors import InputError, LinkError, UndeterminedError
@@ -39,6 +40,7 @@ class _Order:
     speed: float
     patience_s: float
     asked: dict[str, str]
+    calibration: dict[str, str]
 
 
 @click.command()
@@ -49,6 +51,13 @@ class _Order:
 )
 @click.option(
     "--out", required=True, type=click.Path(path_type=Path), metavar="FILE.mcap", help="File to write."
+)
+@click.option(
+    "--calibration",
+    "calibration_file",
+    type=click.Path(path_type=Path),
+    metavar="FILE.json",
+    help="Calibration of the accelerometer, to be kept in the recording.",
 )
 @click.option(
     "--reconnect",
@@ -76,6 +85,7 @@ def command(
     sim: str | None,
     duration: float | None,
     out: Path,
+    calibration_file: Path | None,
     reconnect: float,
     speed: float,
     seed: int | None,
@@ -107,6 +117,7 @@ def command(
     if sim is None and (speed != 1.0 or seed is not None or truth is not None):
         raise click.UsageError("--speed, --seed and --truth are for --sim only")
     address = address_of(port, can, baud)
+    calibration = {} if calibration_file is None else _calibration(calibration_file)
     robot_log, setup = out.with_suffix(".robot.csv"), out.with_suffix(".setup.toml")
     for path in (out, robot_log, setup, truth) if sim else (out,):
         if path is not None:
@@ -131,7 +142,7 @@ def command(
             "seed": seed,
         }
         said = {name: str(value) for name, value in asked.items() if value is not None}
-        order = _Order(out, address, duration, speed, reconnect, said)
+        order = _Order(out, address, duration, speed, reconnect, said, calibration)
         outcome = _record(order, stopped)
     _conclude(outcome, order)
 
@@ -173,7 +184,22 @@ def _metadata(client: BoardClient, order: _Order, carrier: str) -> dict[str, dic
         channels.METADATA_HOST: host,
         channels.METADATA_BOARD: board,
         channels.METADATA_SETTINGS: settings,
+        channels.METADATA_CALIBRATION: order.calibration,
     }
+
+
+def _calibration(path: Path) -> dict[str, str]:
+    """The numbers of a calibration file, as metadata."""
+    try:
+        found = AccelerometerCalibration.from_json(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise InputError(path, f"cannot be read ({error.strerror})", "check the name") from None
+    except ValueError as error:
+        remedy = "give a file that `impid-host device calibrate` has written"
+        raise InputError(path, str(error), remedy) from None
+    numbers = {name: value for name, value in asdict(found).items() if isinstance(value, dict)}
+    flat = {f"{name}_{key}": repr(number) for name, value in numbers.items() for key, number in value.items()}
+    return {"method": found.method, "residual_g": repr(found.residual_g), **flat}
 
 
 def _conclude(outcome: Outcome, order: _Order) -> None:

@@ -7,7 +7,8 @@ request pumps until its answer is there, so nothing that arrives meanwhile is lo
 import random
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, fields
 from typing import Protocol
 
@@ -21,6 +22,7 @@ from impid_host.wire.records import BoardStatus, Decoded, Response
 TRIES = 4  # the request and three repeats
 TIMEOUT_S = 0.4
 SELF_TEST_TIMEOUT_S = 5.0
+RESTART_TIMEOUT_S = 10.0
 _PINGS_REMEMBERED = 64
 HOLD_SATURATED_US = 0xFFFF  # the board held the answer longer than it can say: t3 is unknown
 # INFO has items 0 to 31, settings stand at 32 to 63, the fault record from 64 on.
@@ -147,25 +149,36 @@ class BoardClient:
         Raises:
             LinkError: no answer, a refusal, or the port is gone.
         """
-        answer = self._ask(opcode, item, value)
+        answer = self._answer(opcode, item, value)
         if answer.result != RESULT["OK"]:
             reason = RESULT_NAME.get(answer.result, str(answer.result))
             raise LinkError(f"{self._link.name}: the board refuses {opcode} ({reason})")
         return answer
 
-    def _ask(self, opcode: str, item: int, value: int) -> Response:
+    def _answer(self, opcode: str, item: int, value: int) -> Response:
+        """The answer, whatever it says.
+
+        Raises:
+            LinkError: none came, or the port is gone.
+        """
+        answer = self._ask(opcode, item, value, TRIES)
+        if answer is None:
+            raise LinkError(
+                f"{self._link.name}: no answer to {opcode} after {TRIES} tries; "
+                "check that this is the board's port, its speed, and that the board runs impid firmware"
+            )
+        return answer
+
+    def _ask(self, opcode: str, item: int, value: int, tries: int) -> Response | None:
         request_id = self._next_id()
         carrier = self._link.carrier
         frame = carrier.encode_command(request_id, OPCODE[opcode], item, value)
-        for attempt in range(TRIES):
+        for attempt in range(tries):
             self._send(frame if attempt else carrier.preamble + frame)
             answer = self._await_answer(request_id)
             if answer is not None:
                 return answer
-        raise LinkError(
-            f"{self._link.name}: no answer to {opcode} after {TRIES} tries; "
-            "check that this is the board's port, its speed, and that the board runs impid firmware"
-        )
+        return None
 
     def ping(self) -> None:
         """Send a ping; the listener hears of the exchange when the answer comes."""
@@ -196,12 +209,59 @@ class BoardClient:
         Raises:
             LinkError: no answer.
         """
+        return self._read_all("GET", SETTINGS)
+
+    def fault_record(self) -> dict[str, int]:
+        """What the board remembers of its last fault, by name; empty where its firmware keeps none.
+
+        Raises:
+            LinkError: no answer.
+        """
+        return self._read_all("LOG", FAULT_RECORD)
+
+    def _read_all(self, opcode: str, names: tuple[str, ...]) -> dict[str, int]:
         found = {}
-        for name in SETTINGS:
-            answer = self._ask("GET", ITEM[name], 0)
+        for name in names:
+            answer = self._answer(opcode, ITEM[name], 0)
+            if answer.result == RESULT["UNKNOWN_OPCODE"]:
+                break
             if answer.result == RESULT["OK"]:
                 found[name.lower()] = answer.value
         return found
+
+    def store(self, settings: Mapping[str, int]) -> None:
+        """Set several settings and save them; all are read back before they are saved.
+
+        Raises:
+            LinkError: no answer, or the board refuses one of them; nothing is saved then.
+        """
+        for name, value in settings.items():
+            self.request("SET", ITEM[name], value)
+        for name, value in settings.items():
+            kept = self.request("GET", ITEM[name]).value
+            if kept != value:
+                raise LinkError(f"{self._link.name}: the board was told {name} = {value} but says {kept}")
+        self.request("SAVE")
+
+    def restart(self) -> tuple[int, int]:
+        """Reset the board and wait until it answers; the boot ids before and after.
+
+        Raises:
+            LinkError: it refuses, or does not come back.
+        """
+        before = self.request("INFO", ITEM["BOOT_ID"]).value
+        # Once only: a board that has restarted would take a repeat for a new request.
+        answer = self._ask("RESET", 0, 0, tries=1)
+        if answer is not None and answer.result != RESULT["OK"]:
+            raise LinkError(f"{self._link.name}: the board refuses RESET ({RESULT_NAME.get(answer.result)})")
+        deadline = time.monotonic() + RESTART_TIMEOUT_S
+        while time.monotonic() < deadline:
+            with suppress(LinkError):
+                after = self.request("INFO", ITEM["BOOT_ID"]).value
+                if after != before:
+                    return before, after
+            self.pump(TIMEOUT_S / 4)
+        raise LinkError(f"{self._link.name}: the board does not come back after the reset; check its power")
 
     def identity(self) -> Identity:
         """Which board answers, and since which boot.

@@ -48,6 +48,7 @@ class _Board:
     def _serve(self) -> None:
         while not self._closing.is_set():
             if self._reset_asked.is_set() or self._board.reset_requested:
+                self._exchange()
                 self._reset_asked.clear()
                 self._config = replace(self._config, boot_id=self._config.boot_id + 1, reset_cause=2)
                 self._board, self.ticks = NativeBoard(self._config), 0
