@@ -40,6 +40,8 @@ def write_study(
     """
     if out.exists() and (not out.is_dir() or any(out.iterdir())):
         raise SimError(f"{out}: exists and is not an empty folder; name a new one")
+    if scenario.faults:
+        raise SimError("[[faults]] need a line and a client: remove them, or use impid-sim serve")
     if truth_file is not None and truth_file.resolve().is_relative_to(out.resolve()):
         raise SimError(
             f"{truth_file}: lies inside the study, where the host could see it; name a place outside {out}"

@@ -13,6 +13,9 @@ import serial
 
 from hil_sim.board import layout
 from hil_sim.board.wire import command
+from hil_sim.errors import SimError
+from hil_sim.scenarios.load import load
+from hil_sim.study.write import write_study
 
 from .serving import Client, serving
 
@@ -107,9 +110,9 @@ def test_faults_of_sensors_board_and_log(scenario_file, tmp_path):
     frames_dropped = int(layout.unpack("STATUS_LINK", counters[1:2])["frames_dropped"][0])
     assert 0 < gone.size - (400 + 1 - 256) <= 10 * frames_dropped
     gone_ms = since[0] + (gone - int(got.seq[0]))
-    assert gone_ms[0] >= 1500
-    assert gone_ms[-1] == 1900  # the last that found the ring full
-    assert gone_ms[-145] == 1900 - 144
+    assert gone_ms[0] >= 1498  # a tick completes the sample of two ticks before
+    assert gone_ms[-1] == 1898  # the last that found the ring full
+    assert gone_ms[-145] == 1898 - 144
     assert closed["boots"][0]["samples_sent"] == got.seq.size
 
     text = log.read_text()
@@ -353,3 +356,10 @@ def test_commands_to_a_board_that_is_off_are_lost(scenario_file):
             client.read(0.7)
             assert len(client.frames) > silent  # booted, and telling its status
         board.end()
+
+
+def test_a_study_has_no_line_for_faults(scenario_file, tmp_path):
+    path = scenario_file(3.0, with_faults({"kind": "board_reset", "at_s": 0.5}))
+    with pytest.raises(SimError, match="use impid-sim serve"):
+        write_study(load(str(path)), tmp_path / "study", 1)
+    assert not (tmp_path / "study").exists()
