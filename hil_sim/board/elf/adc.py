@@ -158,9 +158,10 @@ class AdcPair(Peripheral):
         both = self.dual and master is self.adc1
         if both and not self.adc2.value["CR2"] & ADON:
             raise self.violation("dual mode with ADC2 off", "13.9")
-        if both and self.adc1.conversion_cycles() != self.adc2.conversion_cycles():
+        length = master.conversion_cycles()
+        if both and length != self.adc2.conversion_cycles():
             raise self.violation("simultaneous conversions of different length", "13.9.2")
-        self._busy_until = now + master.conversion_cycles() * self.clock_divider
+        self._busy_until = now + length * self.clock_divider
         master.value["SR"] |= STRT
         first = self.source(master.channel)
         second = self.source(self.adc2.channel) if both else None

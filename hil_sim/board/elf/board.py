@@ -55,8 +55,9 @@ class ElfBoard:
     ) -> None:
         memory = flash(image) if isinstance(image, Path) else image
         self.soc = Soc(memory, (config or BoardConfig()).uid, hse_present)
-        self._adc: NDArray[np.uint16]  # (n, 8, 2), of the rows that run
+        self._adc: list[list[list[int]]]  # (n, 8, 2), of the rows that run; lists, as they are read singly
         self._encoder: NDArray[np.int64]  # (n + 1, 2), unwrapped: the row before, then those that run
+        self._counts: list[list[int]]  # the same, (2, n + 1)
         self._first_row: int  # of those that run
         self._rows: int  # since boot
         self._converting: bool
@@ -72,8 +73,8 @@ class ElfBoard:
         """
         self._converting = False
         self._rows = self._first_row = 0
-        self._adc = np.zeros((0, CONVERSIONS, 2), np.uint16)
-        self._encoder = np.zeros((1, 2), np.int64)
+        self._adc = []
+        self._set_encoders(np.zeros((1, 2), np.int64))
         self._connect()
         self.soc.in_reset = False
         limit = self.soc.schedule.seconds() + BOOT_LIMIT_S
@@ -108,21 +109,26 @@ class ElfBoard:
         row -= self._first_row
         if not 0 <= row < len(self._adc):
             return 0  # while the chip boots
-        return int(self._adc[row, step, AXIS_OF_CHANNEL[channel]])
+        return self._adc[row][step][AXIS_OF_CHANNEL[channel]]
+
+    def _set_encoders(self, rows: NDArray[np.int64]) -> None:
+        self._encoder = rows
+        self._counts = rows.T.tolist()
 
     def _position(self, axis: int, timer: str) -> int:
         """Counts of an encoder now; 0 while the chip boots, which is where its counters start."""
-        if not self._converting or not all(self.soc.routed(f"{timer}_CH{channel}") for channel in (1, 2)):
+        routed = self.soc.routed
+        if not (self._converting and routed(timer + "_CH1") and routed(timer + "_CH2")):
             return 0
         since = self.soc.schedule.seconds() - self._first_trigger_s - (CONVERSIONS - 1) * TRIGGER_S
         place = since / TICK_S - self._first_row + 1  # index into self._encoder
         nearest = round(place)
-        rows = self._encoder[:, axis]
+        rows = self._counts[axis]
         if abs(place - nearest) <= REST_TICKS:
-            return int(rows[min(max(nearest, 0), len(rows) - 1)])
+            return rows[min(max(nearest, 0), len(rows) - 1)]
         low = min(max(int(place), 0), len(rows) - 2)
         share = min(max(place - low, 0.0), 1.0)
-        return int(rows[low] + round(share * float(rows[low + 1] - rows[low])))
+        return rows[low] + round(share * (rows[low + 1] - rows[low]))
 
     # --- Board --------------------------------------------------------------------------------------
 
@@ -160,10 +166,9 @@ class ElfBoard:
         steps = np.diff(counts, axis=0, prepend=self._encoder[-1:]).astype(
             np.int32
         )  # wraps with the counters
-        self._encoder = self._encoder[-1] + np.vstack(
-            [np.zeros((1, 2), np.int64), np.cumsum(steps.astype(np.int64), axis=0)]
-        )
-        self._adc = np.asarray(adc)
+        moved = np.vstack([np.zeros((1, 2), np.int64), np.cumsum(steps.astype(np.int64), axis=0)])
+        self._set_encoders(self._encoder[-1] + moved)
+        self._adc = np.asarray(adc).tolist()
         self._first_row = self._rows
         if faults is not None and np.any(faults):
             for row, bits in enumerate(faults):

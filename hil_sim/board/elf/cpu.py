@@ -205,9 +205,7 @@ class Cpu:
 
     def masks(self) -> tuple[bool, int]:
         """PRIMASK, and BASEPRI (0: masks nothing)."""
-        primask, basepri, faultmask = self._uc.reg_read_batch(
-            [arm.UC_ARM_REG_PRIMASK, arm.UC_ARM_REG_BASEPRI, arm.UC_ARM_REG_FAULTMASK]
-        )
+        primask, basepri, faultmask = self._uc.reg_read_batch(MASK_IDS)
         if faultmask & 1:
             raise CpuFault(f"FAULTMASK is set at PC 0x{self.pc:08X}; the emulator does not model it")
         return bool(primask & 1), int(basepri)
@@ -286,6 +284,7 @@ class Cpu:
         self.set_register("fpscr", fpscr)
 
 
+MASK_IDS = [arm.UC_ARM_REG_PRIMASK, arm.UC_ARM_REG_BASEPRI, arm.UC_ARM_REG_FAULTMASK]
 FRAME_IDS = [
     arm.UC_ARM_REG_R0, arm.UC_ARM_REG_R1, arm.UC_ARM_REG_R2, arm.UC_ARM_REG_R3, arm.UC_ARM_REG_R12,
     arm.UC_ARM_REG_LR, arm.UC_ARM_REG_PC, arm.UC_ARM_REG_XPSR, arm.UC_ARM_REG_SP, arm.UC_ARM_REG_CONTROL,

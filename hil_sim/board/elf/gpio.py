@@ -33,6 +33,7 @@ class Gpio(Peripheral):
         for name, value in zip(("MODER", "OSPEEDR", "PUPDR"), RESETS.get(letter, (0, 0, 0)), strict=True):
             self.value[name] = value
         self._driven: dict[int, bool] = {}
+        self._levels: int | None = None  # of all pins, while nothing changes
 
     def mode(self, pin: int) -> int:
         """INPUT, OUTPUT, ALTERNATE or ANALOG."""
@@ -45,6 +46,7 @@ class Gpio(Peripheral):
 
     def drive(self, pin: int, high: bool | None) -> None:
         """What the world puts on a pin; None lets go of it."""
+        self._levels = None
         if high is None:
             self._driven.pop(pin, None)
         else:
@@ -57,13 +59,17 @@ class Gpio(Peripheral):
         return self._driven.get(pin, self.value["PUPDR"] >> 2 * pin & 3 == 1)
 
     def write(self, offset: int, size: int, value: int) -> None:
-        """Any write may change what the pins are."""
+        """Any write may change levels, some what the pins are for."""
         super().write(offset, size, value)
-        self.soc.pins_changed()
+        self._levels = None
+        if offset < 0x04 or offset >= 0x20:  # MODER, AFRL, AFRH
+            self.soc.pins_changed()
 
     def read_idr(self) -> int:
         """Levels of the sixteen pins."""
-        return sum(self.level(pin) << pin for pin in range(16) if self.mode(pin) != ANALOG)
+        if self._levels is None:
+            self._levels = sum(self.level(pin) << pin for pin in range(16) if self.mode(pin) != ANALOG)
+        return self._levels
 
     def read_bsrr(self) -> int:
         """Write-only: reads as 0."""

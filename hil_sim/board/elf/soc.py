@@ -95,6 +95,7 @@ class Soc:
         self.sleeping = False
         self._clocked: set[Peripheral] = set()  # banks known to have a clock
         self._routes: dict[str, bool] = {}  # signals known to have a pin, or none
+        self._listeners: dict[str, list[Timer]] = {}  # timers by the one whose TRGO they take
         self._dma_resume: list[tuple[str, Callable[[], None]]] = []
         self.nvic = Nvic(SCS_BASE, self)
         self.scb = Scb("SCB", SCS_BASE, self)
@@ -184,9 +185,16 @@ class Soc:
     def trgo(self, timer: str) -> None:
         """A timer's trigger output rises: it starts conversions and triggers other timers."""
         self.adc.trigger(timer)
-        for other in self.timers.values():
-            if other.trigger_source() == timer:
-                other.trigger()
+        listeners = self._listeners.get(timer)
+        if listeners is None:
+            listeners = [other for other in self.timers.values() if other.trigger_source() == timer]
+            self._listeners[timer] = listeners
+        for other in listeners:
+            other.trigger()
+
+    def triggers_changed(self) -> None:
+        """A timer may listen to another one."""
+        self._listeners.clear()
 
     def dma_request(self, source: str) -> bool:
         """A peripheral asks for a transfer. Returns whether it took place."""

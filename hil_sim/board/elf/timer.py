@@ -70,6 +70,7 @@ class Timer(Peripheral):
         self._since = 0
         self._overflow: Event | None = None
         self._levels = {1: False, 2: False}
+        self._trc_channels: list[int] = []  # those that capture at a trigger
         self.position: Callable[[], int] | None = None
         self._last_position: int | None = None
 
@@ -101,9 +102,12 @@ class Timer(Peripheral):
 
     def count(self) -> int:
         """CNT now."""
-        if self.encoder and self.enabled:
+        if not self.value["CR1"] & CEN:
+            return self._count
+        mode = self.value["SMCR"] & 7
+        if mode in (ENCODER_TI1, ENCODER_TI2, ENCODER_BOTH):
             self._follow()
-        elif self._free_running:
+        elif mode in (INTERNAL, TRIGGER):
             return (self._count + (self.soc.schedule.now - self._since) // self.step) % (self._arr + 1)
         return self._count
 
@@ -150,9 +154,8 @@ class Timer(Peripheral):
 
     def trigger(self) -> None:
         """A rising edge of TRGI, and of TRC behind it."""
-        for channel in CHANNELS:
-            if self._capture_selection(channel) == 3:
-                self._capture(channel)
+        for channel in self._trc_channels:
+            self._capture(channel)
         if self.mode == TRIGGER and not self.enabled:
             self.value["CR1"] |= CEN
             self._restart(self._count)
@@ -251,6 +254,7 @@ class Timer(Peripheral):
             raise self.violation("TS changed while a slave mode is selected", "17.4.3")
         now = self.count()
         self.value["SMCR"] = value
+        self.soc.triggers_changed()
         self._last_position = self.position() if self.encoder and self.position else None
         self._restart(now)
 
@@ -286,6 +290,7 @@ class Timer(Peripheral):
             if half and half & 3 not in (1, 3):
                 raise self.unmodelled("write", register, offset, value)
         self.value[register] = value
+        self._trc_channels = [channel for channel in CHANNELS if self._capture_selection(channel) == 3]
 
     def write_ccmr1(self, value: int) -> None:
         """Modes of channels 1 and 2."""
