@@ -28,7 +28,7 @@ FLAGS = [] if sys.platform == "win32" else ["-O3", "-std=c11", "-Wall", "-Wextra
 
 
 def declarations(header: str) -> str:
-    """The declarations of a header as cffi reads them: without comments and preprocessor, with its numbers."""
+    """The declarations of a header as cffi reads them: no comments, no preprocessor, its numbers put in."""
     text = re.sub(r"/\*.*?\*/", "", Path(header).read_text(encoding="utf-8"), flags=re.DOTALL)
     for name, number in re.findall(r"^#define (\w+)\s+(\d+)u?\s*$", text, flags=re.MULTILINE):
         text = re.sub(rf"\b{name}\b", number, text)

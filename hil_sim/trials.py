@@ -1,13 +1,17 @@
 """From a scenario, one of its trials and a seed to everything that is true of that trial."""
 
+from dataclasses import replace
+from typing import Any
+
 import numpy as np
 
 from hil_sim.effects import catalogue
 from hil_sim.effects.entry import Entry
 from hil_sim.errors import SimError
 from hil_sim.plant.kinematics import joint_angles
+from hil_sim.plant.perturbation import RATE_HZ, random_perturbation
 from hil_sim.plant.plant import Load, PlantParameters
-from hil_sim.plant.reference import Reference, ten_sinusoids
+from hil_sim.plant.reference import Course, ten_sinusoids
 from hil_sim.scenarios.schema import LoadTruth, Motion, NoiseTable, Scenario, Trial
 from hil_sim.seeds import generator
 from hil_sim.sensors.accelerometer import AccelerometerTruth
@@ -56,6 +60,9 @@ def without_effects(scenario: Scenario, trial: Trial, seed: int) -> TrialTruth:
         wander_period_s=world.clocks.wander_period_s,
     )
     load = _load(world.loads[trial.load]) if trial.load else Load.none()
+    if trial.on_arm:
+        # The handle sits on the load's side of the force sensor.
+        load = replace(load, M=load.M + setup.handle.mass_kg * np.eye(2))
     encoder = EncoderTruth(
         counts_per_rev=setup.encoder.counts_per_rev,
         zero_rad=setup.encoder.zero_rad,
@@ -70,13 +77,11 @@ def without_effects(scenario: Scenario, trial: Trial, seed: int) -> TrialTruth:
             counts_per_rev=encoder.counts_per_rev,
             direction=encoder.direction,
             zero_rad=encoder.zero_rad,
-            kp=world.controller.kp_Nm_per_rad,
-            kd=world.controller.kd_Nms_per_rad,
-            velocity_cutoff_Hz=world.controller.velocity_cutoff_Hz,
+            **_controller(scenario, trial),
             tick_s=TICK_S,
             true_tick_s=TICK_S / robot_clock.rate,
         ),
-        course=_reference(scenario, trial, load, seed),
+        course=_course(scenario, trial, load, seed),
         inputs=None,
         accelerometer=_accelerometer(scenario),
         encoder=encoder,
@@ -86,7 +91,7 @@ def without_effects(scenario: Scenario, trial: Trial, seed: int) -> TrialTruth:
         adc_noise_lsb=world.adc.noise_lsb,
         miscounts_per_min=world.encoder.miscounts_per_min,
         miscount=world.encoder.miscount,
-        log=_log(scenario),
+        log=_log(scenario, trial),
         robot_clock=robot_clock,
         board_rate_ppm=world.clocks.board_ppm,
         duration_s=trial.duration_s,
@@ -103,7 +108,25 @@ def _load(table: LoadTruth) -> Load:
     )
 
 
-def _reference(scenario: Scenario, trial: Trial, load: Load, seed: int) -> Reference:
+def _controller(scenario: Scenario, trial: Trial) -> dict[str, Any]:
+    """The fields of PlantParameters that depend on what the robot is to do."""
+    if trial.kind == "stochastic":
+        weak = scenario.motion.perturbation
+        return {
+            "kp": weak.kp_N_per_m,
+            "kd": weak.kd_Ns_per_m,
+            "velocity_cutoff_Hz": weak.velocity_cutoff_Hz,
+            "at_tip": True,
+        }
+    pd = scenario.world.controller
+    return {
+        "kp": pd.kp_Nm_per_rad,
+        "kd": pd.kd_Nms_per_rad,
+        "velocity_cutoff_Hz": pd.velocity_cutoff_Hz,
+    }
+
+
+def _course(scenario: Scenario, trial: Trial, load: Load, seed: int) -> Course:
     motion: Motion = scenario.motion.load if trial.load else scenario.motion.free
     centre = np.array(scenario.motion.free_centre_rad)
     if trial.load:
@@ -111,6 +134,15 @@ def _reference(scenario: Scenario, trial: Trial, load: Load, seed: int) -> Refer
             centre = joint_angles(load.x0, scenario.setup.robot.link_lengths_m)
         except ValueError as error:
             raise SimError(f"trial {trial.name}: {error}; move x0_m of load {trial.load}") from None
+    if trial.kind == "stochastic":
+        return random_perturbation(
+            hold_m=load.x0,
+            rms_N=scenario.motion.perturbation.rms_N,
+            highest_Hz=scenario.motion.perturbation.highest_Hz,
+            duration_s=trial.duration_s,
+            link_lengths_m=scenario.setup.robot.link_lengths_m,
+            generator=generator(seed, trial.name, "perturbation"),
+        )
     return ten_sinusoids(
         centre_rad=centre,
         range_deg=motion.range_deg,
@@ -137,9 +169,12 @@ def _force_sensor(scenario: Scenario) -> ForceSensorTruth | None:
     )
 
 
-def _log(scenario: Scenario) -> LogTruth:
+def _log(scenario: Scenario, trial: Trial) -> LogTruth:
     table = scenario.world.torque_log
+    stochastic = trial.kind == "stochastic"
     return LogTruth(
+        every_ticks=round(1.0 / (RATE_HZ * TICK_S)) if stochastic else 1,
+        with_command=stochastic,
         noise=_noise(table.noise),
         quantum_Nm=table.quantum_Nm,
         jitter_s=table.jitter_s,

@@ -152,6 +152,7 @@ def scaled_to(entry: Entry, wanted: float, trials: list[Clean]) -> tuple[Entry, 
     reached = strength((entry,), trials)
     if reached <= 0.0:
         raise SimError(f"effect {entry.effect}: does not show in these trials at all")
+    best = now, reached
     shown = factor  # the last one at which it did: a clipped log shows nothing below its limit
     for _ in range(6):
         if abs(reached / wanted - 1.0) < 0.1:
@@ -163,7 +164,9 @@ def scaled_to(entry: Entry, wanted: float, trials: list[Clean]) -> tuple[Entry, 
             factor = float(np.sqrt(factor * shown))
         now = scaled(entry, factor)
         reached = strength((now,), trials)
-    return now, reached
+        if reached > 0.0 and abs(np.log(reached / wanted)) < abs(np.log(best[1] / wanted)):
+            best = now, reached
+    return best
 
 
 def _rms(values: Array) -> float:

@@ -185,12 +185,23 @@ class Motion(_Table):
     ramp_s: Positive = 2.0
 
 
+class PerturbationTable(_Table):
+    """[motion.perturbation]: stochastic trials, [P] Sec. II: random force, weak PD at the end-effector."""
+
+    rms_N: Positive = 4.0
+    highest_Hz: Positive = 15.0
+    kp_N_per_m: tuple[NotNegative, NotNegative] = (100.0, 100.0)
+    kd_Ns_per_m: tuple[NotNegative, NotNegative] = (5.0, 5.0)
+    velocity_cutoff_Hz: Positive = 20.0
+
+
 class Motions(_Table):
     """[motion]: free trials move about a pose, loaded ones about the load's equilibrium."""
 
     free_centre_rad: Pair = (0.7854, 0.7854)
     free: Motion = Motion(range_deg=40.0)
     load: Motion = Motion(range_deg=10.0)
+    perturbation: PerturbationTable = PerturbationTable()
 
 
 class World(_Table):
@@ -212,8 +223,10 @@ class Trial(_Table):
     """[[trials]]: one recording."""
 
     name: Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$")]
-    kind: Literal["free", "mass-spring"]
+    kind: Literal["free", "mass-spring", "arm", "stochastic"]
+    on: Literal["mass-spring", "arm"] | None = None
     load: str | None = None
+    payload_kg: NotNegative | None = None
     duration_s: Annotated[float, Field(gt=0.0, le=86400.0)] = 50.0
     robot_zero_s: float = 0.0
     note: str = ""
@@ -224,7 +237,31 @@ class Trial(_Table):
             raise ValueError("a free trial has nothing on the end-effector: remove load, or change kind")
         if self.kind != "free" and self.load is None:
             raise ValueError("name the load: one of the tables below [world.loads]")
+        if (self.kind == "stochastic") != (self.on is not None):
+            raise ValueError(
+                'a stochastic trial, and no other, says what it shakes: on = "mass-spring" or "arm"'
+            )
         return self
+
+    @property
+    def on_arm(self) -> bool:
+        """The load is a human arm, so the handle lies between it and the force sensor."""
+        return "arm" in (self.kind, self.on)
+
+
+def _repeated(trial: Any) -> list[Any]:
+    """A trial with `repeat = n` becomes NAME_01 to NAME_n, the robot's clock another in each."""
+    if not isinstance(trial, dict) or "repeat" not in trial:
+        return [trial]
+    rest = {key: value for key, value in trial.items() if key != "repeat"}
+    repeat = trial["repeat"]
+    if not isinstance(repeat, int) or not 1 <= repeat <= 99 or "name" not in trial:
+        raise ValueError(f"trial {trial.get('name', '?')}: repeat must be a whole number from 1 to 99")
+    zero_s = float(rest.get("robot_zero_s", 0.0))
+    return [
+        {**rest, "name": f"{trial['name']}_{number:02}", "robot_zero_s": zero_s + 61.375 * (number - 1)}
+        for number in range(1, repeat + 1)
+    ]
 
 
 class EffectTable(BaseModel):
@@ -258,6 +295,13 @@ class Scenario(_Table):
     effects: tuple[EffectTable, ...] = ()
     trials: Annotated[tuple[Trial, ...], Field(min_length=1)]
     faults: tuple[Fault, ...] = ()
+
+    @model_validator(mode="before")
+    @classmethod
+    def _repeat_trials(cls, content: Any) -> Any:
+        if isinstance(content, dict) and isinstance(content.get("trials"), (list, tuple)):
+            return {**content, "trials": [one for trial in content["trials"] for one in _repeated(trial)]}
+        return content
 
     @model_validator(mode="after")
     def _names_hold_together(self) -> "Scenario":

@@ -16,7 +16,11 @@ def write_setup(scenario: Scenario, path: Path) -> None:
 
 def write_trial(trial: Trial, path: Path) -> None:
     """Writes the trial.toml of a study."""
-    content: dict[str, str] = {"kind": trial.kind}
+    content: dict[str, Any] = {"kind": trial.kind}
+    if trial.on is not None:
+        content["on"] = trial.on
+    if trial.payload_kg is not None:
+        content["payload_kg"] = trial.payload_kg
     if trial.load is not None:
         content["load"] = trial.load
     if trial.note:

@@ -78,7 +78,9 @@ def write_one_trial(
     with_force = scenario.world.force_sensor is not None
     with (
         DeviceCsv(folder / "device.csv") as device_csv,
-        RobotCsv(folder / "robot.csv", with_force=with_force) as robot_csv,
+        RobotCsv(
+            folder / "robot.csv", with_force=with_force, with_command=trial.kind == "stochastic"
+        ) as robot_csv,
     ):
         for block in stream(world, board):
             device_csv.add(block)

@@ -7,7 +7,8 @@ import pyarrow.csv
 import pytest
 from scipy.signal import butter, sosfiltfilt
 
-from hil_sim.scenarios.load import load, trial
+from hil_sim.scenarios.load import load
+from hil_sim.scenarios.schema import TorqueLogTable, trial
 from hil_sim.study.write import write_study
 from hil_sim.trials import trial_truth
 from hil_sim.world import World
@@ -44,11 +45,17 @@ def test_the_seed_decides(scenario_file):
 
 @pytest.fixture(scope="module")
 def study(tmp_path_factory):
-    """first-light's third trial for 30 s at full length of the chain, and its truth."""
+    """Three trials of first-light for 30 s, without the noise of the torque log, and their truth."""
     folder = tmp_path_factory.mktemp("study")
     scenario = load("first-light")
+    world = scenario.world.model_copy(update={"torque_log": TorqueLogTable()})
     trials = tuple(t.model_copy(update={"duration_s": 30.0}) for t in scenario.trials if t.name != "free_02")
-    write_study(scenario.model_copy(update={"trials": trials}), folder / "study", 11, folder / "truth.json")
+    write_study(
+        scenario.model_copy(update={"trials": trials, "world": world}),
+        folder / "study",
+        11,
+        folder / "truth.json",
+    )
     return folder / "study", json.loads((folder / "truth.json").read_text())
 
 
