@@ -1,8 +1,8 @@
 """A robot that shares nothing with impid: two rigid rods, moved by their kinetic energy.
 
 The motion is prescribed in closed form. Velocities of the centres of mass are complex-step derivatives of
-their positions, the mass matrix follows from the kinetic energy, the velocity terms from its finite differences;
-the torque is what Lagrange's equations then ask for with the load on the tip.
+their positions, the mass matrix follows from the kinetic energy, the velocity terms from its finite
+differences; the torque is what Lagrange's equations then ask for with the load on the tip.
 """
 
 from collections.abc import Callable
