@@ -3,7 +3,6 @@
 import json
 import subprocess
 import sys
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -11,12 +10,11 @@ import pytest
 
 # Tests are imported by path, which puts no folder on the module path: framing_reference needs this one.
 sys.path.insert(0, str(Path(__file__).parent))
+from framing_reference import Parse
 
 ROOT = Path(__file__).resolve().parents[2]
 FIRMWARE = ROOT / "firmware"
 INCLUDES = [FIRMWARE / "core", FIRMWARE / "generated", FIRMWARE / "boards" / "native"]
-
-Parse = Callable[[bytes], dict[str, Any]]
 
 
 @pytest.fixture(scope="session")

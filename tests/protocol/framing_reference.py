@@ -1,6 +1,7 @@
 """The serial framing once more, from public libraries and the DBC alone: cobs, zlib, cantools."""
 
 import zlib
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -19,6 +20,8 @@ RECORDS = {
     4: ["PONG"],
     16: ["COMMAND"],
 }
+
+Parse = Callable[[bytes], dict[str, Any]]  # the C parser as a function
 
 
 @dataclass(frozen=True)

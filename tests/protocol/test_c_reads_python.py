@@ -2,7 +2,7 @@
 
 import framing_reference as reference
 import pytest
-from conftest import Parse
+from framing_reference import Parse
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
