@@ -1,5 +1,6 @@
 """`impid-host record`: the board's stream into an MCAP file."""
 
+import ipaddress
 import signal
 import sys
 import threading
@@ -22,8 +23,9 @@ from impid_host.link.simulator import Simulator
 from impid_host.recording import channels
 from impid_host.recording.display import progress_display
 from impid_host.recording.reader import read_recording
-from impid_host.recording.recorder import Outcome, Recorder
+from impid_host.recording.recorder import Outcome, Progress, Recorder
 from impid_host.recording.writer import RecordingWriter
+from impid_host.view.live_view import LiveView
 
 # The thread that stamps what the port receives must not wait 5 ms (Python's default) for a busy main thread.
 _SWITCH_INTERVAL_S = 0.0005
@@ -41,6 +43,7 @@ class _Order:
     patience_s: float
     asked: dict[str, str]
     calibration: dict[str, str]
+    view_at: tuple[str, int] | None
 
 
 @click.command()
@@ -67,6 +70,14 @@ class _Order:
     metavar="S",
     help="How long to wait for a board that has gone; 0: not at all.",
 )
+@click.option("--view", is_flag=True, help="Serve a page that shows the recording live.")
+@click.option(
+    "--view-address",
+    default="127.0.0.1:0",
+    metavar="HOST:PORT",
+    show_default=True,
+    help="Where to serve it; port 0: any that is free. Other machines reach it only if told here.",
+)
 @click.option(
     "--speed", default=1.0, type=click.FloatRange(min=0, min_open=True), help="Simulator: times real time."
 )
@@ -87,6 +98,8 @@ def command(
     out: Path,
     calibration_file: Path | None,
     reconnect: float,
+    view: bool,
+    view_address: str,
     speed: float,
     seed: int | None,
     truth: Path | None,
@@ -110,6 +123,7 @@ def command(
       impid-host record --port /dev/ttyACM0 --duration 50 --out free_01.mcap
       impid-host record --port auto --duration 50 --out free_01.mcap
       impid-host record --can socketcan:can0 --duration 50 --out free_01.mcap
+      impid-host record --port auto --view --out free_02.mcap
       impid-host record --sim first-light:free_01 --speed 5 --out free_01.mcap
     """
     if (port is None and can is None) == (sim is None):
@@ -117,6 +131,7 @@ def command(
     if sim is None and (speed != 1.0 or seed is not None or truth is not None):
         raise click.UsageError("--speed, --seed and --truth are for --sim only")
     address = address_of(port, can, baud)
+    view_at = _host_and_port(view_address) if view else None
     calibration = {} if calibration_file is None else _calibration(calibration_file)
     robot_log, setup = out.with_suffix(".robot.csv"), out.with_suffix(".setup.toml")
     for path in (out, robot_log, setup, truth) if sim else (out,):
@@ -142,7 +157,7 @@ def command(
             "seed": seed,
         }
         said = {name: str(value) for name, value in asked.items() if value is not None}
-        order = _Order(out, address, duration, speed, reconnect, said, calibration)
+        order = _Order(out, address, duration, speed, reconnect, said, calibration, view_at)
         outcome = _record(order, stopped)
     _conclude(outcome, order)
 
@@ -157,16 +172,22 @@ def _record(order: _Order, stopped: Callable[[], bool]) -> Outcome:
         )
         summary = {"ending": "failed"}
         try:
+            view = None if order.view_at is None else stack.enter_context(_announced_view(*order.view_at))
             recorder = Recorder(
                 client,
                 writer,
                 nominal_rate=order.speed,
                 open_link=order.address.open,
                 patience_s=order.patience_s,
+                onlooker=view,
             )
             recorder.identify()
             with progress_display(Console(stderr=True), order.out.name, order.duration_s) as show:
-                outcome = recorder.run(order.duration_s or float("inf"), stopped=stopped, report=show)
+                outcome = recorder.run(
+                    order.duration_s or float("inf"),
+                    stopped=stopped if view is None else lambda: stopped() or view.stop_requested,
+                    report=show if view is None else _shown_on(view, show, recorder),
+                )
             counts = asdict(outcome.progress.counts)
             summary = {"ending": outcome.ending} | {name: str(count) for name, count in counts.items()}
         finally:
@@ -174,6 +195,34 @@ def _record(order: _Order, stopped: Callable[[], bool]) -> Outcome:
             with suppress(InputError):
                 writer.close(summary)
     return outcome
+
+
+def _announced_view(host: str, port: int) -> LiveView:
+    view = LiveView.start(host, port)
+    click.echo(f"live view: {view.url}  (token for stopping and marking: {view.token})", err=True)
+    return view
+
+
+def _shown_on(
+    view: LiveView, show: Callable[[Progress], None], recorder: Recorder
+) -> Callable[[Progress], None]:
+    def report(progress: Progress) -> None:
+        show(progress)
+        view.progress(progress)
+        for text in view.take_marks():
+            recorder.note("mark", text=text)
+
+    return report
+
+
+def _host_and_port(address: str) -> tuple[str, int]:
+    host, _, port = address.rpartition(":")
+    try:
+        return str(ipaddress.ip_address(host.strip("[]"))), int(port)
+    except ValueError:
+        raise click.UsageError(
+            f"--view-address {address}: give an IP address and a port, e.g. 127.0.0.1:8077"
+        ) from None
 
 
 def _metadata(client: BoardClient, order: _Order, carrier: str) -> dict[str, dict[str, str]]:
