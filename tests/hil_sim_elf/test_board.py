@@ -1,5 +1,6 @@
 """What the shipping binary does when the world misbehaves: reset, starvation, lost clocks, power cuts."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -159,6 +160,32 @@ def test_settings_survive_a_power_cut_at_any_byte_of_a_save(firmware: Path) -> N
             assert value in (old, new), (operation, kept, value)
             outcomes.add(value)
     assert old in outcomes
+
+
+@pytest.mark.parametrize(("skew_s", "differs"), [(0.5e-6, False), (2e-6, True)])
+def test_a_latch_two_microseconds_off_would_show(firmware: Path, skew_s: float, differs: bool) -> None:
+    """The encoders rest for 1 us around a tick: moved by less nothing changes, by more the counts do."""
+    got = []
+    for skew in (0.0, skew_s):
+        board = ElfBoard(firmware)
+        for timer in (board.soc.timers["TIM2"], board.soc.timers["TIM5"]):
+            position = timer.position
+            assert position is not None
+
+            def skewed(position: Callable[[], int] = position, skew: float = skew) -> int:
+                board._first_trigger_s -= skew  # noqa: B023
+                try:
+                    return position()
+                finally:
+                    board._first_trigger_s += skew  # noqa: B023
+
+            timer.position = skewed
+        board.run(*readings(5, 1))
+        board.serial_receive(command(1, "START"), board.now_us)
+        board.run(*readings(300, 1, 5))
+        got.append(samples(FrameReader().feed(board.serial_take())).enc2)
+    assert len(got[0]) > 250
+    assert np.any(got[0] != got[1]) == differs
 
 
 def test_samples_over_can_are_identical_too(firmware: Path) -> None:
