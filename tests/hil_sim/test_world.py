@@ -7,8 +7,8 @@ import pyarrow.csv
 import pytest
 from scipy.signal import butter, sosfiltfilt
 
-from hil_sim.scenarios.load import load
-from hil_sim.scenarios.schema import TorqueLogTable, trial
+from hil_sim.scenarios.load import load, trial
+from hil_sim.scenarios.schema import TorqueLogTable
 from hil_sim.study.write import write_study
 from hil_sim.trials import trial_truth
 from hil_sim.world import World
