@@ -12,8 +12,10 @@ from impid_host.diagnosis.choice import Table, is_known, p_value, pruned, rankin
 from impid_host.diagnosis.evidence import base_directions, gain, projected, solve
 from impid_host.diagnosis.holdout import Holdout, hold_out
 from impid_host.diagnosis.leftover import structures, unmasked
+from impid_host.diagnosis.lines import spectral_lines
+from impid_host.diagnosis.oddities import Oddity
 from impid_host.diagnosis.prepare import setting_of, views
-from impid_host.diagnosis.result import Chosen, Diagnosis, Finding, Number, Rival, Stage, as_array
+from impid_host.diagnosis.result import Chosen, Diagnosis, Finding, Number, Rival, Stage, Structure, as_array
 from impid_host.diagnosis.rows import Run, Slot, Taps, build_runs, slots_of
 from impid_host.diagnosis.smooth import smooth_candidates
 from impid_host.diagnosis.ties import ties
@@ -46,6 +48,7 @@ class Case:
     runs: tuple[Run, ...]
     taps: Taps
     table: Table
+    oddities: tuple[Oddity, ...]
 
 
 def diagnose(study: Study, progress: Progress = _silent) -> Diagnosis:
@@ -61,7 +64,10 @@ def diagnose(study: Study, progress: Progress = _silent) -> Diagnosis:
     findings = _findings(case, active)
     progress("judging on held-out data", 0.85)
     stages = _stages(study, case, findings)
-    left = structures(table, active, curves, case.views)
+    left = structures(table, active, curves, case.views) + spectral_lines(
+        table, [*active, *curves], case.taps
+    )
+    left += [odd_structure(oddity) for oddity in case.oddities]
     floor = noise_floor(study, case, [*active, *curves], stages[-1])
     first, last = stages[0].rms, stages[-1].rms
     before = sum((first[key] / floor[key]) ** 2 for key in first)
@@ -83,6 +89,12 @@ def diagnose(study: Study, progress: Progress = _silent) -> Diagnosis:
     )
 
 
+def odd_structure(oddity: Oddity) -> Structure:
+    """Rows that were left out, as an entry of what is unexplained."""
+    none = np.zeros((0, 2))
+    return Structure("one_trial", oddity.on, oddity.share, none, none, oddity.words)
+
+
 def chosen_twice(case: Case) -> tuple[Case, list[int], list[int]]:
     """The choice, then again what of it holds under a noise model fitted on what it leaves.
 
@@ -93,17 +105,17 @@ def chosen_twice(case: Case) -> tuple[Case, list[int], list[int]]:
     if not active and not curves:
         return replace(case, table=table), active, curves
     picked = [table.slots[s] for s in (*active, *curves)]
-    again = second_opinion(case, picked)
+    again, taps = second_opinion(case, picked)
     slots = list(range(len(again.slots) - len(picked), len(again.slots)))
     kept = pruned(again, [], slots)
     active = [
         s for s in slots[: len(active)] if s in kept and supported(again, [o for o in kept if o != s], s)
     ]
     curves = [s for s in slots[len(slots) - len(curves) :] if s in kept] if curves else []
-    return replace(case, table=again), active, curves
+    return replace(case, table=again, taps=taps), active, curves
 
 
-def second_opinion(case: Case, picked: Sequence[Slot]) -> Table:
+def second_opinion(case: Case, picked: Sequence[Slot]) -> tuple[Table, Taps]:
     """The table under a noise model of what the picked slots leave; they stand last in it."""
     first = case.base.size
     fresh = []
@@ -115,7 +127,7 @@ def second_opinion(case: Case, picked: Sequence[Slot]) -> Table:
     table = whitened_table(case.views, case.base, case.holdout, case.slots, case.runs, taps)
     for slot in picked:
         table = table.with_shapes(slot.candidate, [slot.shape])
-    return table
+    return table, taps
 
 
 def noise_floor(study: Study, case: Case, active: Sequence[int], last: Stage) -> dict[str, float]:
@@ -137,7 +149,7 @@ def prepare(study: Study, progress: Progress = _silent) -> Case:
     """Align, fit the papers' model, evaluate every candidate, whiten."""
     model = robot_model(study.setup.robot)
     progress("aligning", 0.0)
-    parts = views(study, model)
+    parts, oddities = views(study, model)
     holdout, base = hold_out(parts), base_of(parts, model)
     progress("fitting the papers' model", 0.2)
     parts = informed(parts, base, holdout)
@@ -156,6 +168,7 @@ def prepare(study: Study, progress: Progress = _silent) -> Case:
         tuple(runs),
         taps,
         whitened_table(parts, base, holdout, slots, runs, taps),
+        tuple(oddities),
     )
 
 

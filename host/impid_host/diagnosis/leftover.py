@@ -115,6 +115,15 @@ def structures(
         size = slot.candidate.size
         own = slice(first, first + size)
         on, variable = slot.candidate.where
+        if variable == "one_trial":
+            share = _drop(table, [*active, *curves[:order]], s) / max(
+                _own_squares(table, [*active, *curves[:order]], on), 1e-300
+            )
+            sentence = f"trial {slot.candidate.variant} is unlike the others"
+            nothing = np.zeros((0, 2))
+            result.append(Structure(variable, on, float(np.clip(share, 0, 1)), nothing, nothing, sentence))
+            first += size
+            continue
         if variable == "direction":
             values = np.concatenate([pull(view, int(on[-1]) - 1)[view.valid] for view in views])
             low, high = 0.0, float(np.percentile(values, 99.5))

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from impid_host.diagnosis.oddities import Oddity, odd_rows
 from impid_host.effects.effect import Setting
 from impid_host.effects.view import View, rate_of, rotated
 from impid_host.errors import UndeterminedError
@@ -21,8 +22,8 @@ _WIDE = ZeroPhaseLowPass(order=4, cutoff_hz=60.0)
 Signals = dict[str, Floats | None]
 
 
-def views(study: Study, model: RobotModel) -> list[View]:
-    """The study's free and loaded trials as views, the present model not yet in them.
+def views(study: Study, model: RobotModel) -> tuple[list[View], list[Oddity]]:
+    """The study's free and loaded trials as views, the present model not yet in them; and what was left out.
 
     Raises:
         UndeterminedError: no such trial, or clocks that cannot be matched.
@@ -32,16 +33,21 @@ def views(study: Study, model: RobotModel) -> list[View]:
         raise UndeterminedError(
             f"study {study.name}: no free, mass-spring or arm trial, so there is nothing to diagnose"
         )
-    return [view_of(trial, study.setup, model) for trial in trials]
+    result, oddities = [], []
+    for trial in trials:
+        bad, found = odd_rows(trial.name, robot_rows(trial.robot))
+        result.append(view_of(trial, study.setup, model, bad))
+        oddities += found
+    return result, oddities
 
 
-def view_of(trial: Trial, setup: Setup, model: RobotModel) -> View:
-    """One trial.
+def view_of(trial: Trial, setup: Setup, model: RobotModel, bad: Mask) -> View:
+    """One trial, without the `bad` rows of the robot's log.
 
     Raises:
         UndeterminedError: its clocks cannot be matched, or less than 2 s are left.
     """
-    signals, valid, rate = _on_grid(trial, setup)
+    signals, valid, rate = _on_grid(trial, setup, ~bad)
     step = max(1, round(rate / VIEW_RATE_HZ))
     wide = {name: _widely(values, rate) for name, values in signals.items() if values is not None}
     theta = wide["theta"]
@@ -118,7 +124,7 @@ def _widely(values: Floats, rate_hz: float) -> Floats:
     return values if rate_hz < 4 * _WIDE.cutoff_hz else _WIDE.apply(values, rate_hz)
 
 
-def _on_grid(trial: Trial, setup: Setup) -> tuple[Signals, Mask, float]:
+def _on_grid(trial: Trial, setup: Setup, good: Mask) -> tuple[Signals, Mask, float]:
     log = robot_rows(trial.robot)
     every = np.ones(len(log), dtype=bool)
     if trial.device is None:
@@ -126,10 +132,10 @@ def _on_grid(trial: Trial, setup: Setup) -> tuple[Signals, Mask, float]:
         grid = common_grid(log.t[0], log.t[-1], rate)
         signals: Signals = {
             "theta": onto_grid(log.t, log.theta, every, grid),
-            "tau": onto_grid(log.t, log.tau, every, grid),
+            "tau": onto_grid(log.t, log.tau, good, grid),
             "force": None if log.force is None else onto_grid(log.t, log.force, every, grid),
         }
-        return signals, bridged(log.t, every, grid), rate
+        return signals, bridged(log.t, good, grid), rate
     clock = match_trial(trial, setup)
     t_device, theta_device = device_angles(trial.device, setup)
     t_robot = clock.to_device(log.t)
@@ -139,7 +145,7 @@ def _on_grid(trial: Trial, setup: Setup) -> tuple[Signals, Mask, float]:
     joints = theta_device.shape[1]
     signals = {
         "theta": onto_grid(t_device, theta_device, usable, grid),
-        "tau": onto_grid(t_robot, log.tau, every, grid),
+        "tau": onto_grid(t_robot, log.tau, good, grid),
         "theta_robot": onto_grid(t_robot, log.theta[:, :joints], every, grid),
         "force": None if log.force is None else onto_grid(t_robot, log.force, every, grid),
         "measured": None,
@@ -150,4 +156,4 @@ def _on_grid(trial: Trial, setup: Setup) -> tuple[Signals, Mask, float]:
         run = type(trial.device)(**{name: getattr(trial.device, name)[part] for name in names})
         felt = specific_force(run, setup.accelerometer)[usable_samples(run)]
         signals["measured"] = onto_grid(t_device, felt, usable, grid)
-    return signals, bridged(t_device, usable, grid) & bridged(t_robot, every, grid), rate
+    return signals, bridged(t_device, usable, grid) & bridged(t_robot, good, grid), rate

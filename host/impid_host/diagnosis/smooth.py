@@ -45,8 +45,8 @@ def curve_basis(values: Floats, low: float, high: float, count: int) -> Floats:
 def smooth_candidates(parts: Sequence[View], setting: Setting) -> list[Candidate]:
     """A curve in every variable on every torque channel, and a few products with the direction or speed."""
     result = []
-    for joint in range(setting.joints):
-        result.append(_friction_by_pull(parts, joint))
+    result += [_friction_by_pull(parts, joint) for joint in range(setting.joints)]
+    result += [_one_trial(view) for view in parts]
     for name, variable in variables(setting).items():
         values = np.concatenate([variable(view)[view.valid] for view in parts])
         low, high = np.percentile(values, [0.2, 99.8])
@@ -67,6 +67,33 @@ def _curves(
             return _on(view, joint, curve_basis(variable(view), low, high, count))
 
         yield _candidate(name, joint, columns, count, f"{name} by {count}")
+
+
+def _one_trial(odd: View) -> Candidate:
+    """One trial apart: its own robot parameters, dry friction, offset and slow change."""
+    model = odd.model
+    size = len(model.parameter_names) + 6 * odd.joints
+
+    def columns(view: View, _shape: float) -> Columns:
+        if view.name != odd.name:
+            return {}
+        Y = model.regressor(view.theta, view.omega, view.acc)
+        direction = sign_mean(view.omega, view.acc, view.dt)
+        slow = curve_basis(view.t, 0.0, float(view.t[-1]), 5)
+        own = [
+            _on(view, joint, np.column_stack([direction[:, joint], slow]))["torque"]
+            for joint in range(view.joints)
+        ]
+        return {"torque": np.concatenate([Y, *own], axis=2)}
+
+    return Candidate(
+        UNATTRIBUTED,
+        ("tau1", "one_trial"),
+        columns,
+        lambda _beta, _shape: {},
+        size=size,
+        variant=odd.name,
+    )
 
 
 def _friction_by_pull(parts: Sequence[View], joint: int) -> Candidate:

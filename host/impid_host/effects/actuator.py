@@ -78,17 +78,30 @@ def _read_cogging(beta: Floats, cycles: float) -> dict[str, float]:
 
 
 def _delay(setting: Setting) -> Iterator[Candidate]:
-    def columns(view: View, _shape: float) -> Columns:
-        return {"torque": -rate_of(view.torque_model, view.dt)[:, :, None]}
+    everywhere = tuple(range(setting.joints))
+    sets = [everywhere] + ([(joint,) for joint in everywhere] if setting.joints > 1 else [])
+    for joints in sets:
 
-    yield Candidate(
-        "actuator.delay",
-        tuple(joint_name(joint) for joint in range(setting.joints)),
-        columns,
-        lambda beta, _shape: {"delay": float(beta[0])},
-        gate=lambda beta, _shape: bool(abs(beta[0]) < _MAX_DELAY_S),
-        undo=lambda view, beta: replace(view, tau=advanced(view.tau, view.t, float(beta[0]))),
-    )
+        def columns(view: View, _shape: float, joints: tuple[int, ...] = joints) -> Columns:
+            slope = np.zeros_like(view.torque_model)
+            slope[:, joints] = rate_of(view.torque_model[:, joints], view.dt)
+            return {"torque": -slope[:, :, None]}
+
+        def undo(view: View, beta: Floats, joints: tuple[int, ...] = joints) -> View:
+            tau = view.tau.copy()
+            tau[:, joints] = advanced(view.tau[:, joints], view.t, float(beta[0]))
+            return replace(view, tau=tau)
+
+        yield Candidate(
+            "actuator.delay",
+            tuple(joint_name(joint) for joint in joints),
+            columns,
+            lambda beta, _shape, joints=joints: {  # type: ignore[misc]
+                "delay": [float(beta[0])] * len(joints) if len(joints) > 1 else float(beta[0])
+            },
+            gate=lambda beta, _shape: bool(abs(beta[0]) < _MAX_DELAY_S),
+            undo=undo,
+        )
 
 
 EFFECTS = (

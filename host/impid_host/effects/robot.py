@@ -129,9 +129,23 @@ def _tilt(setting: Setting) -> Iterator[Candidate]:
 
 
 def _inertia(setting: Setting) -> Iterator[Candidate]:
-    # A rotor's inertia hides in alpha1 and alpha3, a mass that is always there in alpha and m: only between the
-    # robot and a force sensor, and in load trials alone, does one show.
-    if not (setting.planar and setting.force_sensor):
+    # What is always there hides in alpha. What is there in load trials alone shows: a rotor by itself, a mass at
+    # the tip (which is part of m otherwise) ahead of a force sensor.
+    if not (setting.planar and (setting.springs or setting.arms)):
+        return
+    for joint in range(setting.joints):
+
+        def rotor(view: View, _shape: float, joint: int = joint) -> Columns:
+            return on_joint(view, joint, view.acc[:, joint]) if view.load is not None else {}
+
+        yield Candidate(
+            "inertia.extra",
+            (joint_name(joint),),
+            rotor,
+            lambda beta, _shape: {"inertia": float(beta[0])},
+            gate=lambda beta, _shape: bool(beta[0] > 0),
+        )
+    if not setting.force_sensor:
         return
 
     def columns(view: View, _shape: float) -> Columns:
