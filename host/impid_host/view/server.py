@@ -43,9 +43,9 @@ class View:
     def __init__(self, token: str, own_hosts: frozenset[str] | None) -> None:
         self._token = token
         self._own_hosts = own_hosts
-        self._sockets: set[web.WebSocketResponse] = set()
+        self._fresh: dict[web.WebSocketResponse, dict[str, list[int]]] = {}  # what each has not been sent
         self._busy: set[web.WebSocketResponse] = set()
-        self._fresh: dict[str, list[int]] = {name: [] for name in _SERIES}
+        self._sending: set[asyncio.Task[None]] = set()
         self._recent = {axis: deque[int](maxlen=_KEPT) for axis in ("ax", "ay")}
         self._progress: dict[str, Any] = {}
         self._run: tuple[int, int] | None = None
@@ -70,8 +70,12 @@ class View:
             self._run = run
             for kept in self._recent.values():
                 kept.clear()
-        for name in _SERIES:
-            self._fresh[name] += message[name]
+            for fresh in self._fresh.values():
+                fresh.update(_nothing())
+        for fresh in self._fresh.values():
+            for name in _SERIES:
+                # A browser that hangs misses pieces instead of filling the memory.
+                fresh[name] = (fresh[name] + message[name])[-_KEPT:]
         for axis, kept in self._recent.items():
             kept.extend(message[axis])
 
@@ -81,21 +85,24 @@ class View:
         while True:
             await asyncio.sleep(_PUSH_S)
             turn += 1
-            fresh, self._fresh = self._fresh, {name: [] for name in _SERIES}
-            message: dict[str, Any] = {"run": self._run, "samples": fresh, "progress": self._progress}
-            if turn % _SPECTRUM_EVERY == 0 and len(self._recent["ax"]) >= SEGMENT:
-                message["spectrum"] = {
-                    axis: [round(v, 3) for v in amplitude_spectrum(list(kept)).tolist()]
-                    for axis, kept in self._recent.items()
-                }
-            text = json.dumps(message, separators=(",", ":"))
-            for each in self._sockets - self._busy:
+            lines = self._spectrum() if turn % _SPECTRUM_EVERY == 0 else None
+            for each in self._fresh.keys() - self._busy:
                 self._busy.add(each)
-                task = asyncio.create_task(self._send(each, text))
-                task.add_done_callback(lambda _: None)
+                fresh, self._fresh[each] = self._fresh[each], _nothing()
+                message = {"run": self._run, "samples": fresh, "progress": self._progress, "spectrum": lines}
+                task = asyncio.create_task(self._send(each, json.dumps(message, separators=(",", ":"))))
+                self._sending.add(task)
+                task.add_done_callback(self._sending.discard)
+
+    def _spectrum(self) -> dict[str, list[float]] | None:
+        if len(self._recent["ax"]) < SEGMENT:
+            return None
+        return {
+            axis: [round(v, 3) for v in amplitude_spectrum(list(kept)).tolist()]
+            for axis, kept in self._recent.items()
+        }
 
     async def _send(self, to: web.WebSocketResponse, text: str) -> None:
-        """A browser that is slow misses pieces instead of filling the memory."""
         try:
             with contextlib.suppress(ConnectionError, RuntimeError):
                 await to.send_str(text)
@@ -127,13 +134,13 @@ class View:
     async def _socket(self, request: web.Request) -> web.WebSocketResponse:
         response = web.WebSocketResponse(heartbeat=10.0, max_msg_size=1024)
         await response.prepare(request)
-        self._sockets.add(response)
+        self._fresh[response] = _nothing()
         try:
             async for message in response:  # nothing that comes this way has any effect
                 if message.type is WSMsgType.ERROR:
                     break
         finally:
-            self._sockets.discard(response)
+            self._fresh.pop(response, None)
         return response
 
     async def _stop(self, _: web.Request) -> web.Response:
@@ -143,6 +150,10 @@ class View:
     async def _mark(self, request: web.Request) -> web.Response:
         _tell({"command": "mark", "text": (await request.text())[:_LARGEST_MARK]})
         return web.json_response({"done": "mark"})
+
+
+def _nothing() -> dict[str, list[int]]:
+    return {name: [] for name in _SERIES}
 
 
 def _tell(message: dict[str, Any]) -> None:
