@@ -30,6 +30,10 @@ static bool can_send(void *context, const impid_can_frame_t *frame) {
     if (fake->refuse) {
         return false;
     }
+    if (fake->can_room_after > 0u) {
+        fake->can_room_after--;
+        return false;
+    }
     TEST_ASSERT_LESS_THAN_UINT32(FAKE_FRAMES, fake->can_frames);
     fake->can[fake->can_frames++] = *frame;
     return true;

@@ -10,7 +10,8 @@ typedef struct {
     impid_port_t port;
     uint32_t now_us;
     uint32_t backlog_us;
-    bool refuse; /* the carriers have no room */
+    bool refuse;             /* the carriers have no room */
+    uint32_t can_room_after; /* CAN has none for so many frames */
     bool pin;
     bool reset_requested;
     /* Serial frames as the parser reads them back. */

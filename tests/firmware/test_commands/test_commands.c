@@ -129,6 +129,26 @@ static void test_ping_tells_its_arrival_and_the_hold(void) {
     TEST_ASSERT_EQUAL_UINT32(2, core.accepted);
 }
 
+static void test_ping_on_can_is_answered_on_can(void) {
+    fake.now_us = 5000900;
+    fake_send_command(&core, CAN, 321, PING, 0, 0, 5000123);
+    TEST_ASSERT_EQUAL_UINT32(0, fake.frames);
+    TEST_ASSERT_EQUAL_UINT32(1, fake.can_frames);
+    TEST_ASSERT_EQUAL_HEX16(IMPID_MESSAGES_PONG_FRAME_ID, fake.can[0].id);
+    struct impid_messages_pong_t pong;
+    (void)impid_messages_pong_unpack(&pong, fake.can[0].data, 8);
+    TEST_ASSERT_EQUAL_UINT16(321, pong.request_id);
+    TEST_ASSERT_EQUAL_UINT32(5000123, pong.t2_us);
+    TEST_ASSERT_EQUAL_UINT16(777, pong.hold_us);
+}
+
+static void test_stop_without_a_stream_is_answered_and_sends_nothing_else(void) {
+    run(10);
+    ask(STOP, 0, 0);
+    check_answer(STOP, OK, 0);
+    TEST_ASSERT_EQUAL_UINT32(1, fake.frames);
+}
+
 static void test_reset_answers_first(void) {
     ask(RESET, 0, 0);
     check_answer(RESET, OK, 0);
@@ -164,6 +184,8 @@ static void test_a_repeated_request_gets_the_same_answer_and_acts_once(void) {
     TEST_ASSERT_EQUAL_UINT32(1000, fake_response(&fake).value);
     fake_send_command(&core, SERIAL, 7, INFO, 7, 0, 0);
     TEST_ASSERT_EQUAL_UINT32(2006, fake_response(&fake).value);
+    fake_send_command(&core, SERIAL, 7, INFO, 7, 1, 0);
+    TEST_ASSERT_EQUAL_UINT32(accepted + 3u, core.accepted);
     fake_send_command(&core, CAN, 7, START, 0, 0, 0);
     TEST_ASSERT_TRUE(impid_stream_active(&core.stream));
 }
@@ -282,6 +304,8 @@ int main(void) {
     RUN_TEST(test_start_refuses_a_value_and_a_running_self_test);
     RUN_TEST(test_self_test_refuses_to_disturb_a_stream);
     RUN_TEST(test_ping_tells_its_arrival_and_the_hold);
+    RUN_TEST(test_ping_on_can_is_answered_on_can);
+    RUN_TEST(test_stop_without_a_stream_is_answered_and_sends_nothing_else);
     RUN_TEST(test_reset_answers_first);
     RUN_TEST(test_opcodes_that_do_not_exist_are_refused_and_counted);
     RUN_TEST(test_a_repeated_request_gets_the_same_answer_and_acts_once);

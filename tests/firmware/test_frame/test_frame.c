@@ -1,3 +1,4 @@
+#include "impid_crc32.h"
 #include "impid_frame.h"
 
 #include <string.h>
@@ -114,6 +115,30 @@ static void test_valid_frames_that_mean_nothing_here_are_foreign(void) {
     TEST_ASSERT_EQUAL_UINT32(0, parser.damaged);
 }
 
+/* Whole by its checksum, but not as long as its header says: a sender's mistake, never read beyond. */
+static void test_a_count_that_does_not_fit_the_length_is_foreign(void) {
+    const uint8_t counts[] = {2, 4, 255};
+    impid_frame_parser_init(&parser);
+    for (uint32_t i = 0; i < sizeof counts; i++) {
+        struct impid_messages_batch_t header = {.kind = IMPID_MESSAGES_BATCH_KIND_COMMAND_CHOICE,
+                                                .version = IMPID_PROTOCOL_VERSION,
+                                                .count = counts[i]};
+        uint8_t raw[IMPID_MESSAGES_BATCH_LENGTH + 3u * 8u + 4u] = {0};
+        size_t length = sizeof raw - 4u;
+        (void)impid_messages_batch_pack(raw, &header, length);
+        uint32_t crc = impid_crc32(raw, length);
+        for (uint32_t j = 0; j < 4u; j++) {
+            raw[length + j] = (uint8_t)(crc >> (8u * j));
+        }
+        uint8_t encoded[IMPID_FRAME_ENCODED_MAX];
+        size_t used = impid_cobs_encode(raw, sizeof raw, encoded);
+        encoded[used++] = 0u;
+        TEST_ASSERT_EQUAL_UINT32(0, accepted(encoded, used));
+        TEST_ASSERT_EQUAL_UINT32(i + 1u, parser.foreign);
+    }
+    TEST_ASSERT_EQUAL_UINT32(0, parser.damaged);
+}
+
 static void test_record_sizes_are_those_of_the_message_set(void) {
     TEST_ASSERT_EQUAL_UINT(16, impid_frame_record_size(IMPID_MESSAGES_BATCH_KIND_SAMPLES_CHOICE));
     TEST_ASSERT_EQUAL_UINT(56, impid_frame_record_size(IMPID_MESSAGES_BATCH_KIND_STATUS_CHOICE));
@@ -131,6 +156,7 @@ int main(void) {
     RUN_TEST(test_a_frame_too_long_is_one_damaged_frame);
     RUN_TEST(test_delimiters_alone_are_no_damage);
     RUN_TEST(test_valid_frames_that_mean_nothing_here_are_foreign);
+    RUN_TEST(test_a_count_that_does_not_fit_the_length_is_foreign);
     RUN_TEST(test_record_sizes_are_those_of_the_message_set);
     return UNITY_END();
 }

@@ -81,6 +81,18 @@ static void test_nothing_of_it_reaches_a_stream_or_its_counters(void) {
     TEST_ASSERT_EQUAL_HEX8(IMPID_FLAG_RESET, accel.flags);
 }
 
+static void test_samples_outside_a_self_test_are_none_of_its_business(void) {
+    impid_selftest_t idle;
+    impid_selftest_init(&idle, 3300);
+    impid_sample_t sample = {.accel = {65535, 65535}};
+    for (uint32_t i = 0; i < 1000u; i++) {
+        TEST_ASSERT_FALSE(impid_selftest_sample(&idle, &sample, &fake.port));
+    }
+    TEST_ASSERT_FALSE(fake.pin);
+    TEST_ASSERT_FALSE(impid_selftest_running(&idle));
+    TEST_ASSERT_EQUAL_UINT8(IMPID_MESSAGES_STATUS_HEALTH_SELF_TEST_NOT_RUN_CHOICE, idle.verdict);
+}
+
 int main(void) {
     UNITY_BEGIN();
     RUN_TEST(test_typical_response_passes_and_is_reported);
@@ -89,5 +101,6 @@ int main(void) {
     RUN_TEST(test_too_much_on_y);
     RUN_TEST(test_a_dead_sensor);
     RUN_TEST(test_nothing_of_it_reaches_a_stream_or_its_counters);
+    RUN_TEST(test_samples_outside_a_self_test_are_none_of_its_business);
     return UNITY_END();
 }

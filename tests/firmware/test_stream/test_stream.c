@@ -148,6 +148,21 @@ static void test_what_the_carrier_refuses_is_counted_and_its_number_used_up(void
     TEST_ASSERT_EQUAL_HEX16(IMPID_MESSAGES_TIME_FRAME_ID, fake.can[0].id);
 }
 
+static void test_half_a_time_base_is_sent_again_whole(void) {
+    impid_stream_join(&stream, IMPID_CARRIER_CAN);
+    fake.can_room_after = 1; /* TIME finds no room, EPOCH does */
+    feed(100, 2);
+    const uint16_t ids[] = {IMPID_MESSAGES_EPOCH_FRAME_ID,   IMPID_MESSAGES_ACCEL_FRAME_ID,
+                            IMPID_MESSAGES_ENCODER_FRAME_ID, IMPID_MESSAGES_TIME_FRAME_ID,
+                            IMPID_MESSAGES_EPOCH_FRAME_ID,   IMPID_MESSAGES_ACCEL_FRAME_ID,
+                            IMPID_MESSAGES_ENCODER_FRAME_ID};
+    TEST_ASSERT_EQUAL_UINT32(7, fake.can_frames);
+    for (uint32_t i = 0; i < 7u; i++) {
+        TEST_ASSERT_EQUAL_HEX16(ids[i], fake.can[i].id);
+    }
+    TEST_ASSERT_EQUAL_UINT32(1, links[IMPID_CARRIER_CAN].frames_dropped);
+}
+
 int main(void) {
     UNITY_BEGIN();
     RUN_TEST(test_ten_samples_make_a_batch);
@@ -159,5 +174,6 @@ int main(void) {
     RUN_TEST(test_encoders_use_all_their_32_bits);
     RUN_TEST(test_can_sends_time_and_epoch_first_and_every_hundredth_sample);
     RUN_TEST(test_what_the_carrier_refuses_is_counted_and_its_number_used_up);
+    RUN_TEST(test_half_a_time_base_is_sent_again_whole);
     return UNITY_END();
 }
