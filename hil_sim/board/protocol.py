@@ -33,6 +33,16 @@ class Board(Protocol):
     ) -> None:
         """Runs one tick per row. adc: (n, 8, 2) codes; encoder: (n, 2) counts; faults: (n,) bits."""
 
+    @property
+    def lines_idle_us(self) -> int:
+        """Board time at which all that now waits will have left the board; now_us where it cannot be told."""
+
+    def advance(self, t_us: int) -> None:
+        """Lets the lines carry on until board time t_us, between ticks, where the board can."""
+
+    def can_bus_off(self) -> None:
+        """The CAN controller has seen too many errors and leaves the bus."""
+
     def serial_receive(self, data: bytes, t_us: int) -> None:
         """Bytes that arrived at board time t_us."""
 

@@ -3,7 +3,7 @@
     python -m hil_sim.faults.pc_clock 3600 2 impid-host record --port /dev/pts/3 --out free_01.mcap
 
 The wall clock that Python's `time` module shows jumps by so many seconds, so many seconds after the start, as
-when a time server corrects it. The monotonic clock does not, because no system's does. The machine's own clock
+when a time server corrects it. The monotonic clock does not, because no system's does, and the machine's own
 is not touched. `datetime.now` reads the clock past the `time` module and does not see the jump.
 """
 

@@ -183,4 +183,5 @@ Fault = Annotated[
 
 # What makes sense only where such bytes or frames exist.
 SERIAL_ONLY = (BitErrors, DroppedBytes, DuplicatedBytes)
+RESTARTS = (BoardReset, BrownOut, Watchdog)
 CAN_ONLY = (DroppedFrames, DuplicatedFrames, BusOff)

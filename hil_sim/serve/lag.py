@@ -49,7 +49,7 @@ class LagMeter:
     def report(self) -> dict[str, Any]:
         """For the event lines."""
         return {
-            "worst_s": round(self.worst_s, 6),
+            "worst_s": round(self.worst_s, 3),
             "behind_s": round(self.behind_s, 3),
             "slipped_s": round(self.slipped_s, 3),
         }

@@ -3,7 +3,8 @@
 from dataclasses import dataclass, replace
 
 from hil_sim.board import layout
-from hil_sim.board.native import TICK_US, BoardConfig, NativeBoard
+from hil_sim.board.make import BoardMaker
+from hil_sim.board.native import TICK_US, BoardConfig
 
 # From bus-off to bus-off while the bus is shorted: 128 times 11 bits of waiting, then 32 attempts.
 BUS_OFF_AGAIN_US = 3000
@@ -27,10 +28,10 @@ class Boot:
 class PoweredBoard:
     """Implements `PowerSwitch`; `board` is the one that runs now."""
 
-    def __init__(self, config: BoardConfig) -> None:
-        self._config = config
-        self.board = NativeBoard(config)
-        self.at_us = config.start_us  # what the clock shows at the moment in question
+    def __init__(self, config: BoardConfig, make: BoardMaker) -> None:
+        self._config, self._make = config, make
+        self.board = make(config)
+        self.at_us = self.board.now_us  # what the clock shows at the moment in question
         self._new_boot: Boot | None = None
         self._next_bus_off_us: int | None = None
 
@@ -44,7 +45,7 @@ class PoweredBoard:
         self.board.close()
         cause = layout.code("STATUS_HEALTH", "reset_cause", reset_cause)
         self._config = replace(self._config, boot_id=self._config.boot_id + 1, reset_cause=cause, start_us=0)
-        self.board = NativeBoard(self._config)
+        self.board = self._make(self._config)
         self._new_boot = Boot(self._config.boot_id, reset_cause, -off_us - self.at_us)
         if self._next_bus_off_us is not None:
             self._next_bus_off_us = 0

@@ -14,11 +14,13 @@ from pathlib import Path
 from types import FrameType
 
 from hil_sim.board import layout
+from hil_sim.board.make import maker
 from hil_sim.board.native import TICK_US, BoardConfig
 from hil_sim.errors import SimError
 from hil_sim.faults.injectors import BOOT_US, Rig
 from hil_sim.faults.readings import FaultyReadings
 from hil_sim.faults.schedule import Schedule
+from hil_sim.faults.schema import RESTARTS
 from hil_sim.scenarios.schema import Scenario, Trial
 from hil_sim.sensors.clock import Clock
 from hil_sim.serve.attachment import CAN_FRAMES_PER_MS, Parcel
@@ -84,9 +86,13 @@ class _Session:
         self._power = PoweredBoard(
             BoardConfig(
                 start_us=FIRST_US, serial_bytes_per_ms=bytes_per_ms, can_frames_per_ms=CAN_FRAMES_PER_MS
-            )
+            ),
+            maker(options.binary),
         )
         self._readings = FaultyReadings()
+        restarts = [fault.kind for fault in scenario.faults if isinstance(fault, RESTARTS)]
+        if options.binary is not None and restarts:
+            raise SimError(f"fault {restarts[0]}: the emulated chip has no such input; leave --elf away")
         if options.setup_file is not None:
             write_setup(scenario, options.setup_file)
         self._wire = connect(options.connection, bytes_per_ms, lambda: self._power.board.now_us)
@@ -179,6 +185,7 @@ class _Session:
         if parcels:
             self._attention_until_us = now_us + ATTENTION_TICKS * TICK_US
         self._come_up()
+        self._reset_if_asked()
 
     def _due_us(self) -> int:
         """When the loop has to look at the board again."""
@@ -231,6 +238,10 @@ class _Session:
         if at_us < 0:  # the board is off
             return
         self._wire.deliver(board, parcel, at_us)
+        self._reset_if_asked()
+
+    def _reset_if_asked(self) -> None:
+        board = self._power.board
         if board.reset_requested:
             self._advance(board.lines_idle_us)  # the answer leaves first
             self._power.at_us = board.now_us

@@ -201,6 +201,14 @@ class ElfBoard:
         self.soc.interrupts_held = False
         self.soc.interrupts_changed()
 
+    @property
+    def lines_idle_us(self) -> int:
+        """The USART and the controller are as far as the chip's time."""
+        return self.now_us
+
+    def advance(self, t_us: int) -> None:
+        """The chip runs whole ticks only."""
+
     def serial_receive(self, data: bytes, t_us: int) -> None:
         """Bytes whose last one arrives at board time t_us, or as soon as the line can carry them."""
         begin = self._first_trigger_s - TRIGGER_S + t_us * 1e-6 - len(data) * FRAME_BITS / SERIAL_BAUD
