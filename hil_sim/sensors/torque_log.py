@@ -105,8 +105,13 @@ class TorqueLog:
         self._rows = -(-ticks // every)
         self._encoder = encoder
         self._force_sensor = force_sensor
-        self._noise = [Noise(source, 1.0 / (every * tick_s), generators[0]) for source in truth.noise]
-        self._generator = generators[1]
+        # Each source of chance has its own stream, or the length of the blocks would decide who draws what.
+        streams = generators[0].spawn(len(truth.noise))
+        self._noise = [
+            Noise(source, 1.0 / (every * tick_s), stream)
+            for source, stream in zip(truth.noise, streams, strict=True)
+        ]
+        self._jitter, self._gaps, self._sticks = generators[1].spawn(3)
         self._late = np.array(truth.delay_s) / tick_s  # ticks
         self._next = -(-round(truth.late_start_s / tick_s) // every)  # row
         self._missing = 0  # rows of the gap that are still to come
@@ -157,7 +162,7 @@ class TorqueLog:
                 tau[:, j] = quantum * np.round(tau[:, j] / quantum)
         tau = self._sticking(tau)
         force = None if self._force_sensor is None else self._force_sensor.read(self._mean_force(index))
-        late = truth.jitter_s * np.abs(self._generator.standard_normal(rows.size))
+        late = truth.jitter_s * np.abs(self._jitter.standard_normal(rows.size))
         keep = self._present(rows.size)
         return LogRows(
             t_s=np.round(self._zero_s + ticks * self._tick_s + late, 9)[keep],
@@ -193,7 +198,7 @@ class TorqueLog:
         if truth.gap_every_s <= 0.0:
             return keep
         chance = truth.every_ticks * self._tick_s / truth.gap_every_s
-        starts = np.less(self._generator.random(count), chance)
+        starts = np.less(self._gaps.random(count), chance)
         for row in range(count):
             if starts[row] and self._missing == 0:
                 self._missing = truth.gap_rows
@@ -207,7 +212,7 @@ class TorqueLog:
         if truth.stuck_every_s <= 0.0:
             return tau
         row_s = truth.every_ticks * self._tick_s
-        starts = np.less(self._generator.random(tau.shape[0]), row_s / truth.stuck_every_s)
+        starts = np.less(self._sticks.random(tau.shape[0]), row_s / truth.stuck_every_s)
         for row in range(tau.shape[0]):
             if starts[row] and self._stuck == 0:
                 self._stuck = round(truth.stuck_s / row_s)

@@ -39,6 +39,13 @@ def served(*arguments):
         process.communicate(timeout=20)
 
 
+def said(process, event):
+    """The next line of that event; a busy machine has others to say in between."""
+    while (line := json.loads(process.stdout.readline()))["event"] != event:
+        pass
+    return line
+
+
 def read_frames(port, seconds, until=lambda frames: False):
     reader, frames, end = FrameReader(), [], time.monotonic() + seconds
     while time.monotonic() < end and not until(frames):
@@ -65,7 +72,7 @@ def test_a_trial_is_served_whole_and_its_log_is_that_of_the_study(scenario_file,
         with serial.Serial(str(link), 921600, timeout=0.05) as port:
             port.write(command(1, "START"))
             frames, reader = read_frames(port, 60.0, lambda got: sample_count(got) > 3300)
-            finished = json.loads(process.stdout.readline())
+            finished = said(process, "trial-finished")
             written = log.read_bytes()
             port.write(command(2, "PING"))
             late, _ = read_frames(port, 5.0, lambda got: layout.code("BATCH", "kind", "PONG") in kinds(got))
@@ -104,7 +111,7 @@ def test_the_robot_rests_until_start_and_sigterm_leaves_a_whole_log(scenario_fil
             read_frames(port, 60.0, lambda _: log.read_text().count("\n") > 300)
         process.send_signal(signal.SIGTERM)
         assert process.wait(timeout=10) == 0
-        stopped = json.loads(process.stdout.readline())
+        stopped = said(process, "stopped")
     text = log.read_text()
     assert stopped["event"] == "stopped"
     assert stopped["robot_log_rows"] > 100
