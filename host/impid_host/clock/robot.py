@@ -156,7 +156,12 @@ class _Solution:
 
 
 def match_clocks(
-    t_device_s: Floats, theta_device: Floats, t_robot_s: Floats, theta_robot: Floats
+    t_device_s: Floats,
+    theta_device: Floats,
+    t_robot_s: Floats,
+    theta_robot: Floats,
+    *,
+    widest_s: float | None = None,
 ) -> RobotClockFit:
     """Fit offset and drift of the module's clock against the robot's from their two angle logs.
 
@@ -165,6 +170,7 @@ def match_clocks(
         theta_device: angles from the module's counters, unwrapped, shape (N, n), rad (or m).
         t_robot_s: robot times, s, strictly increasing, shape (M,); rows may be missing or late.
         theta_robot: the controller's angles, shape (M, n), same unit.
+        widest_s: widest 95 % interval of the offset that is accepted; None: a period of the module.
 
     Raises:
         UndeterminedError: too little motion, no common motion, or a motion that repeats itself so that
@@ -196,7 +202,7 @@ def match_clocks(
         angle_offset=best.constants,
     )
     low, high = fit.offset_ci95_s
-    if not high - low < device.period:
+    if not high - low < (device.period if widest_s is None else widest_s):
         raise UndeterminedError(
             f"the motion leaves the clock offset open by {(high - low) * 1e3:.3g} ms; "
             "record a trial in which the joints move faster or farther"

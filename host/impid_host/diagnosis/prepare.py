@@ -4,19 +4,21 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from impid_host.clock.robot import RobotClockFit, match_clocks
 from impid_host.diagnosis.oddities import Oddity, odd_rows
 from impid_host.effects.effect import Setting
 from impid_host.effects.view import View, rate_of, rotated
 from impid_host.errors import UndeterminedError
 from impid_host.robot.model import RobotModel
-from impid_host.signals.align import device_angles, match_trial, robot_rows
+from impid_host.signals.align import device_angles, robot_rows
 from impid_host.signals.arrays import Floats, Mask
 from impid_host.signals.counts import longest_run, specific_force, usable_samples
 from impid_host.signals.filters import ZeroPhaseLowPass
 from impid_host.signals.resample import bridged, common_grid, nominal_rate, onto_grid
-from impid_host.study.model import Setup, Study, Trial
+from impid_host.study.model import RobotLog, Setup, Study, Trial
 
 VIEW_RATE_HZ = 250.0
+_OPEN_S = 0.1
 _WIDE = ZeroPhaseLowPass(order=4, cutoff_hz=60.0)
 
 Signals = dict[str, Floats | None]
@@ -124,6 +126,15 @@ def _widely(values: Floats, rate_hz: float) -> Floats:
     return values if rate_hz < 4 * _WIDE.cutoff_hz else _WIDE.apply(values, rate_hz)
 
 
+def _matched(trial: Trial, t_device: Floats, theta_device: Floats, log: RobotLog) -> RobotClockFit:
+    """Clocks that wander are to be found, not refused: the match may leave more open than elsewhere."""
+    joints = theta_device.shape[1]
+    try:
+        return match_clocks(t_device, theta_device, log.t, log.theta[:, :joints], widest_s=_OPEN_S)
+    except UndeterminedError as error:
+        raise UndeterminedError(f"trial {trial.name}: {error}") from error
+
+
 def _on_grid(trial: Trial, setup: Setup, good: Mask) -> tuple[Signals, Mask, float]:
     log = robot_rows(trial.robot)
     every = np.ones(len(log), dtype=bool)
@@ -136,8 +147,8 @@ def _on_grid(trial: Trial, setup: Setup, good: Mask) -> tuple[Signals, Mask, flo
             "force": None if log.force is None else onto_grid(log.t, log.force, every, grid),
         }
         return signals, bridged(log.t, good, grid), rate
-    clock = match_trial(trial, setup)
     t_device, theta_device = device_angles(trial.device, setup)
+    clock = _matched(trial, t_device, theta_device, log)
     t_robot = clock.to_device(log.t)
     rate = nominal_rate(t_device)
     grid = common_grid(max(t_device[0], t_robot[0]), min(t_device[-1], t_robot[-1]), rate)

@@ -4,18 +4,19 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy import signal, sparse
 
 from impid_host.diagnosis.base import Base, targets
 from impid_host.diagnosis.holdout import Holdout
 from impid_host.effects.effect import Candidate
 from impid_host.effects.view import ANGLE, FAMILIES, View
-from impid_host.signals.arrays import Floats
+from impid_host.signals.arrays import Floats, Mask
 from impid_host.signals.chain import erode
-from impid_host.signals.filters import ZeroPhaseLowPass
 
 CUTOFF_HZ = 11.0
-_LOW = ZeroPhaseLowPass(order=5, cutoff_hz=CUTOFF_HZ)
 _EDGE_S = 0.5
+Index = NDArray[np.intp]
 _PARTS = ("fit", "validation")
 
 
@@ -61,9 +62,37 @@ def slots_of(candidates: Sequence[Candidate], first: int) -> list[Slot]:
     return result
 
 
-def filtered(values: Floats, view: View) -> Floats:
-    """The low-pass that everything passes; any shape with time first."""
-    return values if view.rate_hz < 2.5 * CUTOFF_HZ else _LOW.apply(values, view.rate_hz)
+@dataclass(frozen=True, slots=True)
+class Decimator:
+    """The low-pass that everything passes, at every `step`-th instant: rows (M, N) of a sparse matrix."""
+
+    step: int
+    matrix: sparse.csr_matrix
+
+    def __call__(self, values: Floats) -> Floats:
+        """(N, ...) -> (M, ...); columns that are zero throughout cost nothing."""
+        plain = values.reshape(len(values), -1)
+        used = np.flatnonzero(np.any(plain != 0, axis=0))
+        result = np.zeros((self.matrix.shape[0], plain.shape[1]))
+        result[:, used] = self.matrix @ np.ascontiguousarray(plain[:, used])
+        return result.reshape(-1, *values.shape[1:])
+
+
+def decimator(view: View) -> Decimator:
+    """A symmetric FIR low-pass (Kaiser window, 60 dB) down to about 2.2 rows per cycle of the cut-off."""
+    step = max(1, int(view.rate_hz / (2.2 * CUTOFF_HZ)))
+    count = len(view.t)
+    if step == 1:
+        return Decimator(1, sparse.identity(count, format="csr"))
+    half = 6 * step
+    taps = signal.firwin(2 * half + 1, CUTOFF_HZ, fs=view.rate_hz, window=("kaiser", 6.0))
+    centres = np.arange(0, count, step)
+    place = centres[:, None] + np.arange(-half, half + 1)
+    inside = (place >= 0) & (place < count)
+    rows = np.broadcast_to(np.arange(len(centres))[:, None], place.shape)
+    weights = np.broadcast_to(taps, place.shape)
+    matrix = sparse.csr_matrix((weights[inside], (rows[inside], place[inside])), shape=(len(centres), count))
+    return Decimator(step, matrix)
 
 
 def build_runs(
@@ -72,31 +101,29 @@ def build_runs(
     """All rows of a trial; with `first` > 0, the slots alone, whose columns begin there."""
     width = (slots[-1].columns.stop if slots else base.size) - first
     blocks = _blocks(view, base, slots, width, first)
-    step = max(1, int(view.rate_hz / (2.2 * CUTOFF_HZ)))
+    lower = decimator(view)
     edge = int(_EDGE_S * view.rate_hz)
+    kept = {part: _stretches(erode(holdout.mask(view, part), edge)[:: lower.step]) for part in _PARTS}
     runs = []
     for family, (target, design) in blocks.items():
-        target, design = filtered(target, view), filtered(design, view)
+        y, Z = lower(target), lower(design)
         for part in _PARTS:
-            kept = np.flatnonzero(erode(holdout.mask(view, part), edge))
-            kept = kept[kept % step == 0]
-            if len(kept) < 2:
-                continue
-            for rows in np.split(kept, np.flatnonzero(np.diff(kept) != step) + 1):
-                for channel in range(target.shape[1]):
-                    runs.append(
-                        Run(
-                            view.name,
-                            family,
-                            channel,
-                            part,
-                            float(view.t[rows[0]]),
-                            step * view.dt,
-                            target[rows, channel],
-                            design[rows, channel],
-                        )
+            for rows in kept[part]:
+                begin = float(view.t[rows[0] * lower.step])
+                runs += [
+                    Run(
+                        view.name,
+                        family,
+                        channel,
+                        part,
+                        begin,
+                        lower.step * view.dt,
+                        y[rows, channel],
+                        Z[rows, channel],
                     )
-    return _without_clock_match(runs, view) if ANGLE in blocks else runs
+                    for channel in range(target.shape[1])
+                ]
+    return _without_clock_match(runs, view, lower) if ANGLE in blocks else runs
 
 
 def _blocks(
@@ -117,17 +144,24 @@ def _blocks(
     return blocks
 
 
-def _without_clock_match(runs: list[Run], view: View) -> list[Run]:
+def _stretches(kept: Mask) -> list[Index]:
+    """Indices of the contiguous stretches of two rows and more."""
+    rows = np.flatnonzero(kept)
+    parts = np.split(rows, np.flatnonzero(np.diff(rows) != 1) + 1)
+    return [part for part in parts if len(part) > 1]
+
+
+def _without_clock_match(runs: list[Run], view: View, lower: Decimator) -> list[Run]:
     """Take out of the angle rows what the match of the clocks is free to choose: offset, rate, constants."""
     result = [run for run in runs if run.family != ANGLE]
     angle = [run for run in runs if run.family == ANGLE]
-    speed = filtered(view.omega, view)
+    speed, clock = lower(view.omega), view.t[:: lower.step] - 0.5 * view.t[-1]
     nuisance = []
     for run in angle:
-        rows = np.round((run.begin_s + run.step_s * np.arange(len(run.target))) / view.dt).astype(int)
+        rows = round(run.begin_s / run.step_s) + np.arange(len(run.target))
         w = speed[rows, run.channel]
         block = np.zeros((len(rows), 2 + view.joints))
-        block[:, 0], block[:, 1] = w, w * (view.t[rows] - 0.5 * view.t[-1])
+        block[:, 0], block[:, 1] = w, w * clock[rows]
         block[:, 2 + run.channel] = 1.0
         nuisance.append(block)
     fit = [k for k, run in enumerate(angle) if run.part == "fit"] or list(range(len(angle)))

@@ -1,6 +1,7 @@
 """How the angles and the clocks err. They enter every equation, so their columns are sensitivities."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
@@ -13,7 +14,7 @@ from impid_host.effects.effect import (
     amplitude_phase,
     joint_name,
 )
-from impid_host.effects.view import Columns, View, rate_of, with_motion
+from impid_host.effects.view import Columns, View, advanced, rate_of, with_motion
 from impid_host.signals.arrays import Floats
 
 _STEP_RAD = 1e-4
@@ -142,7 +143,16 @@ def _drift(setting: Setting) -> Iterator[Candidate]:
             size=len(degrees),
             gate=lambda beta, _shape: bool(max(abs(beta)) < 0.2),
             variant=f"degree {degrees[-1]}",
+            undo=lambda view, beta, degrees=degrees: _retimed(view, degrees, beta),  # type: ignore[misc]
         )
+
+
+def _retimed(view: View, degrees: tuple[int, ...], beta: Floats) -> View:
+    late = sum((b * lateness(view, k) for b, k in zip(beta, degrees, strict=True)), np.zeros_like(view.t))
+    if view.theta_robot is None:
+        return view
+    force = None if view.force is None else advanced(view.force, view.t, -late)
+    return replace(view, tau=advanced(view.tau, view.t, -late), force=force)
 
 
 EFFECTS = (

@@ -126,7 +126,7 @@ def with_motion(view: View, theta: Floats, omega: Floats, acc: Floats) -> View:
     )
 
 
-def advanced(values: Floats, t: Floats, delay_s: float) -> Floats:
-    """Values (N, k) that came `delay_s` late, put back to their instants (N,)."""
+def advanced(values: Floats, t: Floats, delay_s: float | Floats) -> Floats:
+    """Values (N, k) that came `delay_s` (one, or (N,)) late, put back to their instants (N,)."""
     result: Floats = CubicSpline(t, values, axis=0)(np.clip(t + delay_s, t[0], t[-1]))
     return result
