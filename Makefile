@@ -51,5 +51,8 @@ test-python: $(STAMP)
 	scripts/system_packages.sh
 	$(BIN)/pytest -n 2 --dist loadfile -q
 
+validate: $(STAMP) ## the long forms, with their figures written to docs/validation (about an hour)
+	@PATH="$(CURDIR)/$(BIN):$$PATH" scripts/validate_recording.sh
+
 clean: ## remove what was built, but nothing that was recorded
 	rm -rf $(VENV) build .pio .pio-core *.egg-info hil_sim/_native*.so hil_sim/_native.c
