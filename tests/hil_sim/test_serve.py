@@ -104,7 +104,7 @@ def test_the_robot_rests_until_start_and_sigterm_leaves_a_whole_log(scenario_fil
     log = tmp_path / "log.csv"
     with served(scenario_file(30.0), "--trial", "free_01", "--robot-log", log) as (process, ready):
         with serial.Serial(ready["port"], 921600, timeout=0.05) as port:
-            before, _ = read_frames(port, 0.5)
+            before, _ = read_frames(port, 20.0, lambda got: len(got) >= 3)
             assert log.read_text().count("\n") == 1
             assert kinds(before) == {layout.code("BATCH", "kind", "STATUS")}
             port.write(command(1, "START"))
