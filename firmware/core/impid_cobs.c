@@ -1,22 +1,33 @@
 #include "impid_cobs.h"
 
+#include <stdbool.h>
+
+/* The longest run of bytes that one code byte can announce. */
+#define LONGEST_RUN 254u
+
 size_t impid_cobs_encode(const uint8_t *bytes, size_t count, uint8_t *encoded) {
-    size_t code_at = 0;
-    size_t out = 1;
-    uint8_t code = 1;
-    for (size_t i = 0; i < count; i++) {
-        if (bytes[i] != 0u) {
-            encoded[out++] = bytes[i];
-            code++;
+    size_t in = 0;
+    size_t out = 0;
+    bool more = true;
+    while (more) {
+        /* 1. A run without zero goes over as it is: this inner loop is most of what a batch costs. */
+        size_t rest = count - in;
+        size_t limit = rest < LONGEST_RUN ? rest : LONGEST_RUN;
+        size_t run = 0;
+        while (run < limit && bytes[in + run] != 0u) {
+            encoded[out + 1u + run] = bytes[in + run];
+            run++;
         }
-        /* A block of 254 bytes without zero closes by itself, unless the data end with it. */
-        if (bytes[i] == 0u || (code == 0xFFu && i + 1u < count)) {
-            encoded[code_at] = code;
-            code_at = out++;
-            code = 1;
+        /* 2. Its code byte stands before it. */
+        encoded[out] = (uint8_t)(run + 1u);
+        out += run + 1u;
+        in += run;
+        /* 3. A run that stopped short of the longest stands for the zero behind it as well. */
+        more = in < count;
+        if (more && run < LONGEST_RUN) {
+            in++;
         }
     }
-    encoded[code_at] = code;
     return out;
 }
 

@@ -7,6 +7,8 @@
 #include "registers.h"
 #include "timebase.h"
 
+#include <string.h>
+
 #define BAUD           921600u
 #define DIVIDER        ((CLOCK_APB1_HZ + BAUD / 2u) / BAUD) /* 49: 918367 baud, -0.35 % */
 #define AF_USART2      7u
@@ -137,9 +139,10 @@ bool serial_send(const uint8_t *bytes, size_t count) {
     if (count > TRANSMIT_BYTES - (place - sent)) {
         return false;
     }
-    for (size_t i = 0; i < count; i++) {
-        transmit[(place + i) % TRANSMIT_BYTES] = bytes[i];
-    }
+    uint32_t first = place % TRANSMIT_BYTES;
+    size_t stretch = count < TRANSMIT_BYTES - first ? count : TRANSMIT_BYTES - first;
+    memcpy(&transmit[first], bytes, stretch);
+    memcpy(&transmit[0], bytes + stretch, count - stretch);
     uint32_t before = interrupts_mask();
     queued = place + (uint32_t)count;
     if (under_way == 0u) {
