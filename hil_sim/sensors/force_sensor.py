@@ -33,7 +33,10 @@ class ForceSensor:
     def __init__(self, truth: ForceSensorTruth, rate_Hz: float, generator: np.random.Generator) -> None:
         """rate_Hz: of the readings."""
         self._truth = truth
-        self._noise = [Noise(source, rate_Hz, generator) for source in truth.noise]
+        streams = generator.spawn(len(truth.noise))
+        self._noise = [
+            Noise(source, rate_Hz, stream) for source, stream in zip(truth.noise, streams, strict=True)
+        ]
 
     def read(self, force: Array) -> Array:
         """Logged force of the load on the robot, base frame, shape (n, 2), N.

@@ -51,6 +51,8 @@ class Noise:
         """The next values, shape (n, 2), with this noise on them."""
         truth = self._truth
         rms = np.array(truth.rms)
+        if not values.shape[0]:
+            return values  # a filter given nothing would forget its state
         if truth.kind == "white":
             return np.asarray(values + rms * self._generator.standard_normal(values.shape))
         if truth.kind == "heteroscedastic":

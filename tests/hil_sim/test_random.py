@@ -1,0 +1,110 @@
+"""Random laboratories: the seed decides, effects get the strength asked for, the truth says so."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from hil_sim.cli import cli
+from hil_sim.effects import catalogue
+from hil_sim.effects.strength import Clean, by_channel, scaled, strength
+from hil_sim.errors import SimError
+from hil_sim.scenarios.random import SMALL, random_scenario
+from hil_sim.trials import effects_in, without_effects
+
+
+def trials(scenario, seed):
+    return [Clean.of(without_effects(scenario, trial, seed)) for trial in scenario.trials[:2]]
+
+
+def test_the_seed_decides_about_the_laboratory():
+    one, _ = random_scenario(1, SMALL, (), 1.0)
+    assert one == random_scenario(1, SMALL, (), 1.0)[0]
+    other, _ = random_scenario(2, SMALL, (), 1.0)
+    assert one.world.robot.alpha != other.world.robot.alpha
+    assert one.world.loads != other.world.loads
+    assert not one.effects
+
+
+def test_noise_alone_has_strength_one_over_chance():
+    """Two runs that differ in their noise alone differ by the root of two of the floor."""
+    scenario, _ = random_scenario(3, SMALL, (), 1.0)
+    truth = without_effects(scenario, scenario.trials[0], 3)
+    first, second = Clean.of(truth), Clean.of(replace(truth, seed=4))
+    for name in ("tau1", "tau2"):
+        a, b = first.residuals.channel[name], second.residuals.channel[name]
+        assert np.std(a - b) / np.std(a) == pytest.approx(np.sqrt(2.0), rel=0.25)
+
+
+def test_strength_of_a_constant_torque_is_its_size_over_the_floor():
+    """No parameter of the robot takes up a constant: an offset of 10 floors has strength 10."""
+    scenario, _ = random_scenario(3, SMALL, (), 1.0)
+    free = trials(scenario, 3)
+    floor = np.sqrt(np.mean([np.var(one.residuals.channel["tau2"]) for one in free]))
+    entry = catalogue.entry("actuator.offset", ("joint2",), (), {"torque": 10.0 * float(floor)})
+    found = by_channel((entry,), free)
+    assert np.mean([one["tau2"] for one in found]) == pytest.approx(10.0, rel=0.15)
+    assert max(one["tau1"] for one in found) < 3.0
+
+
+def test_what_a_refit_takes_up_is_not_seen():
+    """Viscous drag is one of the robot's own parameters."""
+    scenario, _ = random_scenario(3, SMALL, (), 1.0)
+    names = tuple(trial.name for trial in scenario.trials if trial.load is None)
+    entry = catalogue.entry("outside.one_trial", ("joint1",), names, {"viscous_factor": 1.5})
+    assert strength((entry,), trials(scenario, 3)) < 0.5
+
+
+def test_scaling_grows_what_departs_from_absence():
+    entry = catalogue.entry("actuator.gain", ("joint1",), (), {"gain": 1.05})
+    assert scaled(entry, 3.0).values["gain"] == pytest.approx(1.15)
+    entry = catalogue.entry(
+        "elastic.transmission", ("joint1",), (), {"stiffness": 30.0, "motor_inertia": 0.01}
+    )
+    assert scaled(entry, 3.0).values["stiffness"] == pytest.approx(10.0)
+    assert scaled(entry, 3.0).values["motor_inertia"] == 0.01
+
+
+@pytest.mark.parametrize("label", ["friction.coulomb@joint1", "load.damping@load"])
+def test_an_effect_gets_the_strength_asked_for(label):
+    scenario, reached = random_scenario(11, SMALL, (label,), 3.0)
+    assert reached[label] == pytest.approx(3.0, rel=0.1)
+    loaded = next(trial for trial in scenario.trials if trial.load)
+    witnesses = [scenario.trials[0], loaded] if label.startswith("friction") else [loaded]
+    clean = [Clean.of(without_effects(scenario, trial, 11)) for trial in witnesses]
+    assert strength(effects_in(scenario, loaded), clean) == pytest.approx(reached[label], rel=1e-9)
+
+
+def test_the_command_writes_study_and_truth(tmp_path):
+    out, truth_file = tmp_path / "study", tmp_path / "truth.json"
+    arguments = ["random", "--seed", "5", "--small", "--effect", "load.damping@load", "--strength", "4"]
+    result = CliRunner().invoke(cli, [*arguments, "--out", str(out), "--truth", str(truth_file)])
+    assert result.exit_code == 0, result.output
+    truth = json.loads(truth_file.read_text())
+    assert [one["effect"] for one in truth["effects"]] == ["load.damping"]
+    assert truth["effects"][0]["trials"] == ["spring_L1_01", "spring_L1_02"]
+    assert truth["strength"]["reached"]["load.damping@load"] == pytest.approx(4.0, rel=0.1)
+    assert truth["noise_floor"]["torque_rms_Nm"][0] > 0.01
+    assert sorted(path.name for path in out.iterdir()) == [
+        "free_01",
+        "free_02",
+        "setup.toml",
+        "spring_L1_01",
+        "spring_L1_02",
+    ]
+    # The laboratory is told nothing of it.
+    assert "damping" not in (out / "setup.toml").read_text() + (out / "spring_L1_01/trial.toml").read_text()
+
+
+@pytest.mark.parametrize(
+    ("label", "says"),
+    [
+        ("friction.coulom@joint1", r"friction\.coulom: not known; use one of friction\.coulomb"),
+        ("friction.coulomb@joint3", r"cannot be at joint3; where may be joint1, joint2"),
+    ],
+)
+def test_a_wrong_label_is_one_line(label, says):
+    with pytest.raises(SimError, match=says):
+        random_scenario(1, SMALL, (label,), 3.0)
