@@ -11,7 +11,8 @@ import serial
 import tomli_w
 
 from hil_sim.board import layout
-from hil_sim.board.wire import FrameReader
+from hil_sim.board.elf.board import ElfBoard
+from hil_sim.board.wire import FrameReader, command
 from hil_sim.scenarios.load import SHIPPED
 
 SERVE = [sys.executable, "-c", "from hil_sim.cli import main; main()", "serve"]
@@ -51,3 +52,14 @@ def test_resets_from_outside_are_refused_with_one_line(firmware: Path, tmp_path:
     assert (
         done.stderr == "impid-sim: fault brown_out: the emulated chip has no such input; leave --elf away\n"
     )
+
+
+def test_the_answer_to_reset_is_on_the_wire_before_the_chip_resets(firmware: Path) -> None:
+    board = ElfBoard(firmware)
+    rest = np.full((20, 8, 2), 2048, dtype=np.uint16), np.zeros((20, 2), dtype=np.int32)
+    board.run(*rest)
+    board.serial_receive(command(5, "RESET"), board.now_us)
+    board.run(*rest)
+    assert board.reset_requested
+    kinds = [frame.kind for frame in FrameReader().feed(board.serial_take())]
+    assert layout.code("BATCH", "kind", "RESPONSE") in kinds

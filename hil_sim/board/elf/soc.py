@@ -253,7 +253,9 @@ class Soc:
         self.schedule = Schedule(HSI_HZ)
         self.schedule.start(self.clock.cycles, seconds)
         self.clock.watch_priority = NO_WATCH
+        left = self.usart2.sent, self.can1.sent  # what is on the wire no reset calls back
         self._build(cause)
+        self.usart2.sent, self.can1.sent = left
         self.in_reset = self.stop_at_reset
         self.on_reset()
 
