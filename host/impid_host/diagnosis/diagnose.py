@@ -22,6 +22,7 @@ from impid_host.diagnosis.ties import ties
 from impid_host.diagnosis.whiten import noise_models, whitened
 from impid_host.effects.catalogue import CATALOGUE, candidates
 from impid_host.effects.view import View
+from impid_host.errors import UndeterminedError
 from impid_host.robot.model import robot_model
 from impid_host.signals.arrays import Floats
 from impid_host.study.model import Study
@@ -159,7 +160,8 @@ def prepare(study: Study, progress: Progress = _silent) -> Case:
     for index, view in enumerate(parts):
         progress(f"evaluating the catalogue on {view.name}", 0.25 + 0.4 * index / len(parts))
         runs += build_runs(view, base, slots, holdout)
-    taps = noise_models(runs, saturated(base, slots), {})
+    rows = sum(len(run.target) for run in runs if run.part == "fit" and run.key == ("torque", 0))
+    taps = noise_models(runs, saturated(base, slots, rows), {})
     return Case(
         tuple(parts),
         base,
@@ -222,6 +224,8 @@ def informed(parts: Sequence[View], base: Base, holdout: Holdout) -> list[View]:
         if run.key in scale
     ]
     fit = [run for run in weighed if run.part == "fit"]
+    if sum(len(run.target) for run in fit) < 5 * base.size:
+        raise UndeterminedError("too little is left between gaps and filter edges; record longer trials")
     design = np.concatenate([run.design for run in fit])
     size = np.linalg.norm(design, axis=0) + 1e-300
     target = np.concatenate([run.target for run in fit])
@@ -229,15 +233,22 @@ def informed(parts: Sequence[View], base: Base, holdout: Holdout) -> list[View]:
     return [base.informed(view, value) for view in parts]
 
 
-def saturated(base: Base, slots: Sequence[Slot]) -> list[int]:
-    """Columns of the base, and of every candidate at every few shapes: what leaves nothing but noise."""
-    columns = list(range(base.size))
-    for slot in slots:
-        if not is_known(slot) and slot.candidate.size > 8:
-            continue
-        shapes = slot.candidate.shapes
-        if slot.shape in shapes[:: max(1, len(shapes) // 4)]:
-            columns += range(slot.columns.start, slot.columns.stop)
+def saturated(base: Base, slots: Sequence[Slot], rows: int) -> list[int]:
+    """Columns of the base, and of every candidate at a few shapes: what leaves nothing but noise.
+
+    Args:
+        rows: of a channel; a regression on more than a fifth as many columns would take noise for signal.
+    """
+    for most in (4, 2, 1):
+        columns = list(range(base.size))
+        for slot in slots:
+            shapes = slot.candidate.shapes
+            if (is_known(slot) or slot.candidate.size < 8) and slot.shape in shapes[
+                :: -(-len(shapes) // most)
+            ]:
+                columns += range(slot.columns.start, slot.columns.stop)
+        if len(columns) < rows / 5:
+            break
     return columns
 
 

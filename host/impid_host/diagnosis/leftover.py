@@ -125,13 +125,15 @@ def structures(
             first += size
             continue
         if variable == "direction":
-            values = np.concatenate([pull(view, int(on[-1]) - 1)[view.valid] for view in views])
-            low, high = 0.0, float(np.percentile(values, 99.5))
+            of = slot.candidate.variant
+            values = np.concatenate([pull(view, int(on[-1]) - 1, of)[view.valid] for view in views])
+            grid = np.linspace(0.0, float(np.percentile(values, 99.5)), 41)
+            basis = grid[:, None]
         else:
             values = np.concatenate([_values(view, variable)[view.valid] for view in views])
             low, high = np.percentile(values, [0.2, 99.8])
-        grid = np.linspace(low, high, 41)
-        basis = curve_basis(grid, float(low), float(high), size)
+            grid = np.linspace(low, high, 41)
+            basis = curve_basis(grid, float(low), float(high), size)
         curve = basis @ beta[own]
         half = 1.96 * np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", basis, covariance[own, own], basis), 0))
         rest = [*active, *curves[:order]]
@@ -144,14 +146,14 @@ def structures(
                 share=float(np.clip(share, 0, 1)),
                 curve=np.stack([grid, curve], axis=1),
                 band=np.stack([curve - half, curve + half], axis=1),
-                words=words(variable, on, grid, curve, factor),
+                words=words(variable, on, grid, curve, factor, slot.candidate.variant),
             )
         )
         first += size
     return result
 
 
-def words(variable: str, on: str, grid: Floats, curve: Floats, factor: str) -> str:
+def words(variable: str, on: str, grid: Floats, curve: Floats, factor: str, of: str = "") -> str:
     """The curve in a sentence."""
     level = np.median(curve)
     peak = int(np.argmax(np.abs(curve - level)))
@@ -159,7 +161,7 @@ def words(variable: str, on: str, grid: Floats, curve: Floats, factor: str) -> s
     width = float(np.ptp(grid[high])) if high.any() else 0.0
     narrow = width < 0.3 * np.ptp(grid)
     if variable == "direction":
-        return f"{on} has dry friction that changes by {np.ptp(curve):.2g} with the torque transmitted"
+        return f"{on} has dry friction that changes by {np.ptp(curve):.2g} N m with the {of}"
     times = f", multiplied by the {factor} of motion" if factor else ""
     if narrow:
         return f"narrow bump of {on} near {variable} = {grid[peak]:.3g}, about {width:.2g} wide{times}"

@@ -9,6 +9,8 @@ from impid_host.study.model import RobotLog
 
 _LIMIT_S = 0.02  # a torque that holds its extreme value so long is cut off there
 _STUCK_S = 0.03
+_COARSE_S = 0.01  # a log that holds its values so long most of the time is coarsely rounded, not stuck
+_COARSE_SHARE = 0.3
 _LEAST_SHARE = 0.002
 
 
@@ -34,6 +36,11 @@ def odd_rows(name: str, log: RobotLog) -> tuple[Mask, list[Oddity]]:
     for joint in range(log.tau.shape[1]):
         tau = log.tau[:, joint]
         length = _run_lengths(tau) * period
+        if np.mean(length > _COARSE_S) > _COARSE_SHARE:
+            step = float(np.min(np.abs(np.diff(tau)[np.diff(tau) != 0]), initial=np.inf))
+            words = f"{name}: the torque of joint {joint + 1} is logged in steps of {step:.2g}"
+            found.append(Oddity(name, f"tau{joint + 1}", 0.0, words))
+            continue
         moves = np.abs(np.gradient(log.theta[:, min(joint, log.theta.shape[1] - 1)])) > 0
         at_limit = (length > _LIMIT_S) & ((tau == tau.max()) | (tau == tau.min())) & (np.ptp(tau) > 0)
         stuck = (length > _STUCK_S) & ~at_limit & _around(moves, round(_STUCK_S / period))

@@ -28,10 +28,14 @@ def variables(setting: Setting) -> dict[str, Variable]:
     return result
 
 
-def pull(view: View, joint: int) -> Floats:
-    """Size of the torque that the joint transmits, (N,)."""
-    result: Floats = np.abs(view.torque_model[:, joint])
-    return result
+def pull(view: View, joint: int, of: str) -> Floats:
+    """Size of what presses on a joint's bearings, (N,): its own torque, or the force of the load."""
+    if of == "torque":
+        return np.asarray(np.abs(view.torque_model[:, joint]))
+    if view.load is None:
+        return np.zeros_like(view.t)
+    force = np.linalg.solve(np.swapaxes(view.J, 1, 2), view.torque_model[:, :, None])[:, :, 0]
+    return np.asarray(np.linalg.norm(force, axis=1))
 
 
 def curve_basis(values: Floats, low: float, high: float, count: int) -> Floats:
@@ -45,7 +49,8 @@ def curve_basis(values: Floats, low: float, high: float, count: int) -> Floats:
 def smooth_candidates(parts: Sequence[View], setting: Setting) -> list[Candidate]:
     """A curve in every variable on every torque channel, and a few products with the direction or speed."""
     result = []
-    result += [_friction_by_pull(parts, joint) for joint in range(setting.joints)]
+    kinds = ("torque", "force of the load") if setting.planar else ("torque",)
+    result += [_friction_by_pull(joint, of) for joint in range(setting.joints) for of in kinds]
     result += [_one_trial(view) for view in parts]
     for name, variable in variables(setting).items():
         values = np.concatenate([variable(view)[view.valid] for view in parts])
@@ -96,14 +101,12 @@ def _one_trial(odd: View) -> Candidate:
     )
 
 
-def _friction_by_pull(parts: Sequence[View], joint: int) -> Candidate:
-    high = float(np.percentile(np.concatenate([pull(view, joint)[view.valid] for view in parts]), 99.5))
-
+def _friction_by_pull(joint: int, of: str) -> Candidate:
     def columns(view: View, _shape: float) -> Columns:
         direction = sign_mean(view.omega[:, joint], view.acc[:, joint], view.dt)
-        return _on(view, joint, curve_basis(pull(view, joint), 0.0, high, 4) * direction[:, None])
+        return _on(view, joint, (pull(view, joint, of) * direction)[:, None])
 
-    return _candidate("direction", joint, columns, 4, "direction times torque")
+    return _candidate("direction", joint, columns, 1, of)
 
 
 def _products(name: str, variable: Variable, low: float, high: float, joint: int) -> Iterator[Candidate]:
