@@ -5,6 +5,10 @@ least squares; then the residual's autoregression (order by BIC, one per channel
 prewhitens both sides and the fit is repeated; last, a kernel estimate (Bartlett, Andrews' plug-in bandwidth)
 of the scores' long-run covariance takes up what correlation is left, between channels too. With `ar_order` 0
 the middle step is left out.
+
+A kernel estimate errs on the small side in short records: its variance is widened by Kiefer and Vogelsang's
+critical values (Econometric Theory 21, 2005, Bartlett kernel), and after prewhitening no standard deviation is let
+below the conventional one (Angrist and Pischke 2009, sec. 8.1).
 """
 
 from collections.abc import Sequence
@@ -111,6 +115,7 @@ def fit_linear(
         if np.all(np.abs(white_value - value) < _HAUSMAN_SIGMAS * np.sqrt(np.diag(covariance))):
             work, value, orders = white, white_value, white_orders
             covariance, dof = _sandwich(work, value)
+            covariance = _not_below(covariance, _conventional(work, value))
     if nuisance_covariance is not None:
         gain = _nuisance_gain(work)
         covariance = covariance + gain @ nuisance_covariance @ gain.T
@@ -240,10 +245,27 @@ def _sandwich(work: Sequence[Stretch], value: Floats) -> tuple[Floats, float]:
         cross = sum(s[lag:].T @ s[:-lag] for s in scores if len(s) > lag)
         meat = meat + weight * (cross + np.transpose(cross))
     channels = work[0].target.shape[1]
-    correction = rows * channels / max(rows * channels - parameters, 1)
+    # 1.96 + 2.9694 b is the 97.5 % point when the bandwidth is a share b of the rows.
+    widening = (1 + 2.9694 * bandwidth / rows / 1.96) ** 2
+    correction = widening * rows * channels / max(rows * channels - parameters, 1)
     bread = np.linalg.inv(_normal(work))
     dof = max(1.5 * rows / max(bandwidth, 1.0) - parameters, 3.0)
     return bread @ meat @ bread * correction, dof
+
+
+def _conventional(work: Sequence[Stretch], value: Floats) -> Floats:
+    """Covariance (p, p) if the rows were white and of one variance."""
+    residual = np.concatenate([_residual(stretch, value) for stretch in work])
+    variance = float(np.sum(residual**2)) / max(residual.size - len(value), 1)
+    result: Floats = variance * np.linalg.inv(_normal(work))
+    return result
+
+
+def _not_below(covariance: Floats, floor: Floats) -> Floats:
+    """The covariance with its standard deviations raised to those of `floor`, correlations kept."""
+    raised = np.sqrt(np.maximum(np.diag(floor) / np.maximum(np.diag(covariance), 1e-300), 1.0))
+    result: Floats = covariance * np.outer(raised, raised)
+    return result
 
 
 def _andrews_bandwidth(scores: Sequence[Floats], rows: int) -> float:
