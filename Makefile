@@ -45,6 +45,7 @@ firmware: $(STAMP) ## build both boards and print sizes and stack against their 
 test-firmware: firmware
 	scripts/pio.sh test -e native
 	scripts/firmware_coverage.sh
+	scripts/firmware_fuzz.sh
 	scripts/pio.sh test -e qemu_cortex_m4
 
 test-python: $(STAMP)

@@ -10,7 +10,7 @@ for tool in clang-format cppcheck arm-none-eabi-gcc cc; do
     }
 done
 
-ours=$(find firmware/core firmware/boards tests/firmware tests/protocol -name '*.[ch]')
+ours=$(find firmware/core firmware/boards tests/firmware tests/firmware_fuzz tests/protocol -name '*.[ch]')
 # shellcheck disable=SC2086 # a list of names without spaces
 clang-format --style=file:firmware/.clang-format --dry-run --Werror $ours
 

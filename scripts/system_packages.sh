@@ -23,6 +23,15 @@ if ! { command -v arm-none-eabi-gcc && [ "$(arm-none-eabi-gcc -print-file-name=l
   missing+=(libnewlib-arm-none-eabi)
 fi
 
+# Neither has the runtime of clang's fuzzer and sanitizers, which Debian packages by clang's version.
+runtime=libclang-rt-dev
+if command -v clang >/dev/null; then
+  version=$(clang -dumpversion | cut -d. -f1)
+  runtime=libclang-rt-$version-dev
+  ! compgen -G "$(clang -print-resource-dir)/lib/*/libclang_rt.fuzzer*" >/dev/null || runtime=
+fi
+[ -z "$runtime" ] || missing+=("$runtime")
+
 [ "${#missing[@]}" -eq 0 ] && exit 0
 
 install="apt-get install --yes --no-install-recommends ${missing[*]}"
