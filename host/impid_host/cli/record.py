@@ -178,7 +178,7 @@ def _record(order: _Order, stopped: Callable[[], bool]) -> Outcome:
                 writer,
                 nominal_rate=order.speed,
                 open_link=order.address.open,
-                patience_s=order.patience_s,
+                patience_s=order.patience_s if order.address.comes_back else 0.0,
                 onlooker=view,
             )
             recorder.identify()

@@ -23,6 +23,11 @@ class Address:
     can: str | None = None
     baud: int | None = None
 
+    @property
+    def comes_back(self) -> bool:
+        """Whether what goes by this name later is the same port: a terminal's number is given to the next."""
+        return not (self.port or "").startswith("/dev/pts/")
+
     def open(self) -> Link:
         """Open it.
 

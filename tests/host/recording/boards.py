@@ -31,6 +31,7 @@ class _Board:
         self._start_s, self._start_us = time.monotonic(), self._board.now_us
         self._reset_asked = threading.Event()
         self._closing = threading.Event()
+        self._frames: list[tuple[int, bytes]] = []
         self._thread = threading.Thread(target=self._serve, daemon=True)
 
     def reset(self) -> None:
@@ -53,17 +54,32 @@ class _Board:
                 self._config = replace(self._config, boot_id=self._config.boot_id + 1, reset_cause=2)
                 self._board, self.ticks = NativeBoard(self._config), 0
                 self._start_s, self._start_us = time.monotonic(), self._board.now_us
-            # In small pieces, however late this thread is: the line has to carry them away in between.
-            for _ in range(20):
-                if self._board.next_tick_us > self._now_us():
-                    break
-                adc = np.full((1, 8, 2), 2048, dtype=np.uint16)
-                counts = np.array([[self.ticks, -self.ticks]], dtype=np.int64).astype(np.int32)
-                self._board.run(adc, counts)
-                self.ticks += 1
+            self._catch_up()
             self._exchange()
 
+    def _catch_up(self) -> int:
+        """Run every tick that is due; returns the board's time, at which nothing is due any more.
+
+        A command is handed over at that time: to a board that lives in the past its samples would look old.
+        In small pieces, so that the line carries away what was sent before more comes.
+        """
+        now_us = self._now_us()
+        while self._board.next_tick_us <= now_us:
+            adc = np.full((1, 8, 2), 2048, dtype=np.uint16)
+            counts = np.array([[self.ticks, -self.ticks]], dtype=np.int64).astype(np.int32)
+            self._board.run(adc, counts)
+            self.ticks += 1
+            if self.ticks % 20 == 0:
+                self._collect()
+        self._collect()
+        return now_us
+
+    def _collect(self) -> None:
+        """Take what the board has sent."""
+        self._frames += self._board.can_take()
+
     def _exchange(self) -> None:
+        """Carry it to the host, and bring what the host says."""
         raise NotImplementedError
 
 
@@ -87,6 +103,7 @@ class PtyBoard(_Board):
         self._link = link
         self._baud = baud
         self._cable = threading.Lock()
+        self._bytes = b""
         self._master = self._slave = -1
         self.plug()
         self._thread.start()
@@ -115,9 +132,13 @@ class PtyBoard(_Board):
         super().close()
         self.unplug()
 
+    def _collect(self) -> None:
+        self._bytes += self._board.serial_take()
+
     def _exchange(self) -> None:
         with self._cable:
-            sent = self.mangle(self._board.serial_take())
+            self._collect()
+            sent, self._bytes = self.mangle(self._bytes), b""
             if self._master < 0:
                 time.sleep(0.0005)
                 return
@@ -129,7 +150,7 @@ class PtyBoard(_Board):
             if select.select([self._master], [], [], 0.0005)[0]:
                 asked = os.read(self._master, 4096)
                 if self._understood():
-                    self._board.serial_receive(asked, self._now_us())
+                    self._board.serial_receive(asked, self._catch_up())
 
     def _understood(self) -> bool:
         if self._baud is None:
@@ -151,12 +172,13 @@ class CanBoard(_Board):
         self._bus.shutdown()
 
     def _exchange(self) -> None:
-        for identifier, data in self._board.can_take():
+        frames, self._frames = self._frames, []
+        for identifier, data in frames:
             if self.connected:
                 self._bus.send(can.Message(arbitration_id=identifier, data=data, is_extended_id=False))
         message = self._bus.recv(0.0005)
         if message is not None and self.connected:
-            self._board.can_receive(message.arbitration_id, bytes(message.data), self._now_us())
+            self._board.can_receive(message.arbitration_id, bytes(message.data), self._catch_up())
 
 
 class SlcanBoard(_Board):
@@ -177,9 +199,8 @@ class SlcanBoard(_Board):
         os.close(self._master)
 
     def _exchange(self) -> None:
-        lines = b"".join(
-            b"t%03X%d%s\r" % (i, len(d), d.hex().upper().encode()) for i, d in self._board.can_take()
-        )
+        lines = b"".join(b"t%03X%d%s\r" % (i, len(d), d.hex().upper().encode()) for i, d in self._frames)
+        self._frames = []
         while lines and self._open and not self._closing.is_set():
             if select.select([], [self._master], [], 0.1)[1]:
                 lines = lines[os.write(self._master, lines[:1024]) :]
@@ -189,7 +210,7 @@ class SlcanBoard(_Board):
         for command in commands:
             if command[:1] == b"t":
                 data = bytes.fromhex(command[5:].decode())
-                self._board.can_receive(int(command[1:4], 16), data, self._now_us())
+                self._board.can_receive(int(command[1:4], 16), data, self._catch_up())
                 os.write(self._master, b"z\r")
             elif command:
                 self._open = command[:1] == b"O" or (self._open and command[:1] != b"C")

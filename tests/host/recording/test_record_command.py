@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from boards import PtyBoard
 from click.testing import CliRunner
 from impid_host.cli import cli
 from impid_host.link.client import BoardClient
@@ -151,8 +152,9 @@ def test_a_full_disk_ends_it_with_what_was_recorded(board, out: Path) -> None:
         assert BoardClient(link).status().state == choices("STATUS_HEALTH", "state")["IDLE"]
 
 
-def test_the_cable_is_pulled(board, out: Path) -> None:
-    done = start("--port", board.port, "--duration", "60", "--reconnect", "0", "--out", out)
+def test_the_cable_is_pulled_for_good(board, out: Path) -> None:
+    """Somebody else may get the number of a terminal that has gone: it is never opened again."""
+    done = start("--port", board.port, "--duration", "60", "--out", out)
     await_growth(out, 20_000)
     board.close()
     said, complained = done.communicate(timeout=20)
@@ -218,3 +220,36 @@ def test_help_has_an_example(name: str) -> None:
     result = CliRunner().invoke(cli, [name, "--help"])
     assert result.exit_code == 0
     assert f"impid-host {name} " in result.output.split("Examples:")[1]
+
+
+def test_cable_out_and_in_by_the_command(tmp_path: Path, out: Path) -> None:
+    board = PtyBoard(link=tmp_path / "ttyACM0")
+    done = start("--port", board.port, "--duration", "3", "--out", out)
+    await_growth(out, 20_000)
+    board.unplug()
+    time.sleep(0.5)
+    board.plug()
+    said, complained = done.communicate(timeout=40)
+    board.close()
+    assert done.returncode == 0, complained
+    (ledger,) = read_recording(out).ledgers
+    assert ledger.balanced
+    assert ledger.lost > 300
+    assert f"{ledger.lost} lost" in said
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
+def test_ended_while_the_board_is_away(tmp_path: Path, out: Path, number: signal.Signals) -> None:
+    board = PtyBoard(link=tmp_path / "ttyACM0")
+    done = start("--port", board.port, "--out", out)
+    await_growth(out, 20_000)
+    board.unplug()
+    time.sleep(0.5)
+    done.send_signal(number)
+    said, _ = done.communicate(timeout=20)
+    board.close()
+    recording = read_recording(out)
+    assert recording.warnings == ()
+    names = [event.name for event in recording.events if event.name != "loss"]
+    assert names == ["start", "run", "disconnected"]
+    assert f"{len(recording.segments[0])} samples stored" in said
