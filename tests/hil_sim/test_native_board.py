@@ -1,11 +1,16 @@
 """The board in this process through its Python face: the bus, the line between ticks, and resets."""
 
+import struct
+from dataclasses import replace
+from mmap import mmap
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from hil_sim.board import layout
-from hil_sim.board.native import TICK_US, BoardConfig, NativeBoard
-from hil_sim.board.wire import command
+from hil_sim.board.native import TICK_US, BoardConfig, NativeBoard, new_flash
+from hil_sim.board.wire import FrameReader, command
 
 ACCEL, ENCODER, TIME, EPOCH = 0x110, 0x111, 0x118, 0x119
 STATUS = range(0x120, 0x127)
@@ -106,3 +111,35 @@ def test_reset_is_asked_for_after_the_answer():
     board.serial_receive(command(3, "RESET"), 500)
     assert board.reset_requested
     assert len(board.serial_take()) == 34
+
+
+def setting(
+    board: NativeBoard, request_id: int, opcode: str, item: int = 0, value: int = 0
+) -> tuple[int, int]:
+    """Result and value of the answer."""
+    board.serial_receive(command(request_id, opcode, item=item, value=value), board.now_us)
+    frames = FrameReader().feed(board.serial_take())
+    return struct.unpack("<xxxBI", frames[-1].records)
+
+
+def test_settings_survive_in_a_file_and_boots_share_them(tmp_path: Path) -> None:
+    """A mapped file is the flash; `replace` makes the next boot of the same board."""
+    path = tmp_path / "flash"
+    path.write_bytes(new_flash())
+    cpr, boots = 38, 32  # items of the message set
+    with path.open("r+b") as file:
+        config = BoardConfig(serial_bytes_per_ms=0, flash=mmap(file.fileno(), 0))
+        first = NativeBoard(config)
+        assert setting(first, 1, "SET", cpr, 8192) == (0, 8192)
+        assert setting(first, 2, "SAVE") == (0, 0)
+        second = NativeBoard(replace(config, boot_id=2))
+        assert setting(second, 1, "GET", cpr) == (0, 8192)
+        assert setting(second, 2, "GET", boots) == (0, 2)
+    third = NativeBoard(BoardConfig(serial_bytes_per_ms=0, flash=bytearray(path.read_bytes())))
+    assert setting(third, 1, "GET", cpr) == (0, 8192)
+    assert setting(NativeBoard(BoardConfig(serial_bytes_per_ms=0)), 1, "GET", cpr) == (0, 0)
+
+
+def test_a_flash_of_another_size_is_refused() -> None:
+    with pytest.raises(ValueError, match="32768"):
+        NativeBoard(BoardConfig(flash=bytearray(100)))

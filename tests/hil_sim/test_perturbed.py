@@ -49,8 +49,8 @@ def test_the_log_of_a_shaken_load_has_500_rows_a_second(shaken):
 def test_force_over_motion_is_the_dynamic_stiffness_of_the_array(shaken):
     """-F = K (x - x0) + B x' + M x'' from 0.5 to 12 Hz, in the weak form: derivatives go to the taper w.
 
-    w x' = (w x)' - w' x and w x'' = (w x)'' - 2 (w' x)' + w'' x, exactly. The logged force is a mean over 2 ms,
-    whose gain a sinc takes off; the angles are instants.
+    w x' = (w x)' - w' x and w x'' = (w x)'' - 2 (w' x)' + w'' x, exactly. The logged force is a mean over
+    2 ms, whose gain a sinc takes off; the angles are instants.
     """
     rows, truth = shaken
     M, B, K = truth.plant.load.M, truth.plant.load.B, truth.plant.load.K
