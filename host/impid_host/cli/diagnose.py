@@ -10,6 +10,7 @@ from rich.progress import Progress
 from impid_host.cli.inputs import load_inputs
 from impid_host.diagnosis.diagnose import diagnose
 from impid_host.diagnosis.result import Diagnosis
+from impid_host.diagnosis.saved import save_model as write_model
 from impid_host.report.diagnosis_json import diagnosis_json
 from impid_host.report.diagnosis_tables import effect_table, parameter_table, stage_table
 
@@ -19,7 +20,15 @@ from impid_host.report.diagnosis_tables import effect_table, parameter_table, st
 @click.option(
     "--json", "json_to", metavar="FILE|-", help="Also write the answer as JSON (- for standard output)."
 )
-def command(study: Path, json_to: str | None) -> None:
+@click.option(
+    "--figures", type=click.Path(path_type=Path, file_okay=False), help="Write figures (PNG) to this folder."
+)
+@click.option(
+    "--save-model",
+    type=click.Path(path_type=Path, dir_okay=False),
+    help="Write robot, loads and effects found, with the hashes of the data.",
+)
+def command(study: Path, json_to: str | None, figures: Path | None, save_model: Path | None) -> None:
     """Find the cause of what the papers' model leaves unexplained, and prove it on held-out data.
 
     Effects of a fixed catalogue (friction, springs, delays, sensor faults, what a load does beyond mass and
@@ -30,6 +39,7 @@ def command(study: Path, json_to: str | None) -> None:
     Examples:
       impid-host diagnose study/
       impid-host diagnose study/ --json diagnosis.json
+      impid-host diagnose study/ --figures figures/ --save-model model.json
     """
     read = load_inputs([study], (), None)
     with Progress(console=Console(stderr=True), transient=True) as bar:
@@ -37,6 +47,13 @@ def command(study: Path, json_to: str | None) -> None:
         answer = diagnose(read, lambda words, share: bar.update(task, description=words, completed=share))
     if json_to != "-":
         show(answer)
+    if figures is not None:
+        from impid_host.report.diagnosis_figures import draw_diagnosis  # noqa: PLC0415  (matplotlib is slow)
+
+        drawn = draw_diagnosis(answer, figures)
+        click.echo(f"{len(drawn)} figures in {figures}", err=True)
+    if save_model is not None:
+        write_model(answer, read, save_model)
     if json_to is not None:
         text = json.dumps(diagnosis_json(answer), indent=2)
         if json_to == "-":
@@ -52,7 +69,11 @@ def show(answer: Diagnosis) -> None:
     if len(answer.stages) > 1:
         console.print(effect_table(answer))
         console.print(parameter_table(answer))
-    else:
+    elif not answer.structure:
         console.print("Nothing is missing: the papers' model explains these data down to the noise.")
+    for row in answer.structure:
+        console.print(f"No known effect explains this: {row.words}")
+    for tie in answer.ambiguous:
+        console.print(f"These data cannot tell {' from '.join(tie.candidates)}; {tie.tell_apart_by} would.")
     for note in answer.notes:
         console.print(note)

@@ -66,7 +66,7 @@ def equilibrium(load: LoadModel, value: Floats) -> tuple[Floats, Floats]:
     """x0 (2,) and K (2, 2) of a load's parameters."""
     K = (load.matrix_map("x") @ value).reshape(2, 2)
     place = [load.parameter_names.index("cx"), load.parameter_names.index("cy")]
-    return np.linalg.solve(K, value[place]), K
+    return np.asarray(np.linalg.solve(K, value[place]), dtype=np.float64), K
 
 
 def base_of(parts: Sequence[View], model: RobotModel) -> Base:

@@ -257,7 +257,7 @@ def p_value(table: Table, active: Sequence[int], s: int) -> float:
 
 def energy(table: Table, active: Sequence[int], s: int) -> float:
     """Drop of the mean squared innovation in the channel where the slot explains most."""
-    columns = np.array(table.columns([*active, s]))
+    columns = table.columns([*active, s])
     own = len(columns) - table.slots[s].candidate.size
     with_it, _ = solve(table.G, columns)
     without_it, _ = solve(table.G, columns[:own])

@@ -8,7 +8,16 @@ from scipy import stats
 
 from impid_host.diagnosis import proof
 from impid_host.diagnosis.base import Base, base_of
-from impid_host.diagnosis.choice import Table, is_known, p_value, pruned, ranking, supported, table_of
+from impid_host.diagnosis.choice import (
+    Table,
+    is_known,
+    p_value,
+    pruned,
+    ranking,
+    score_of,
+    supported,
+    table_of,
+)
 from impid_host.diagnosis.evidence import base_directions, gain, projected, solve
 from impid_host.diagnosis.holdout import Holdout, hold_out
 from impid_host.diagnosis.leftover import structures, unmasked
@@ -293,6 +302,7 @@ def _share(table: Table, active: Sequence[int], order: int) -> tuple[float, Riva
             for score, other in ranking(table, before)
             if (table.slots[other].candidate.effect, table.slots[other].candidate.where)
             != (own.effect, own.where)
+            and not _idle(table, before, s, other)
         ),
         None,
     )
@@ -303,6 +313,12 @@ def _share(table: Table, active: Sequence[int], order: int) -> tuple[float, Riva
     theirs = gain(P, table.G, other.columns)
     margin = float((drop - theirs) / max(excess, drop))
     return share, Rival(other.candidate.effect, other.candidate.where, margin)
+
+
+def _idle(table: Table, before: Sequence[int], s: int, other: int) -> bool:
+    """Whether the other explains what the slot does by having it among more parameters."""
+    more = table.slots[other].candidate.size - table.slots[s].candidate.size
+    return more > 0 and score_of(table, before, other) < score_of(table, before, s)
 
 
 def parameters_of(chosen: Chosen) -> dict[str, Number]:

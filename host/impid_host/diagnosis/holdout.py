@@ -1,4 +1,4 @@
-"""What is set aside before anything is looked at: whole trials where there are enough, else their last thirds."""
+"""What is set aside before anything is looked at: whole trials where there are enough, else last thirds."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""What no row of the catalogue explains: found as curves, and told from the effects that merely resemble it."""
+"""What no row of the catalogue explains: found as curves, and told from effects that merely resemble it."""
 
 from collections.abc import Sequence
 
@@ -74,7 +74,8 @@ def survivors(table: Table, active: Sequence[int], given: Sequence[int]) -> list
 
 def total(table: Table, active: Sequence[int]) -> float:
     """Score of a whole model: drop of the RSS less the prices."""
-    result, rest = 0.0, []
+    result = 0.0
+    rest: list[int] = []
     for s in active:
         result += score_of(table, rest, s)
         rest = [*rest, s]

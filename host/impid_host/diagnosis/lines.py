@@ -1,4 +1,4 @@
-"""Spectral lines in what is left: a disturbance that is periodic in time belongs to no row of the catalogue."""
+"""Spectral lines in what is left: a disturbance periodic in time belongs to no row of the catalogue."""
 
 from collections.abc import Sequence
 
@@ -50,7 +50,7 @@ def _power(residuals: Sequence[Floats], step_s: float) -> tuple[Floats, Floats]:
         window = np.hanning(len(r))
         spectrum = np.fft.rfft(r * window, _PADDED)
         power += 2 * np.abs(spectrum) ** 2 / window.sum() ** 2 / len(residuals)
-    return frequency, power
+    return np.asarray(frequency, dtype=np.float64), power
 
 
 def _line(on: str, frequency: Floats, power: Floats, runs: Sequence[object]) -> Structure | None:

@@ -50,7 +50,7 @@ def odd_rows(name: str, log: RobotLog) -> tuple[Mask, list[Oddity]]:
         ):
             if rows.mean() > _LEAST_SHARE:
                 share = float(rows.mean())
-                words = f"{name}: the logged torque of joint {joint + 1} {what} in {100 * share:.1f} % of the rows"
+                words = f"{name}: the torque log of joint {joint + 1} {what} in {100 * share:.1f} % of rows"
                 found.append(Oddity(name, f"tau{joint + 1}", share, words))
                 bad |= rows
     return bad, found

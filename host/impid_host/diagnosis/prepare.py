@@ -75,7 +75,7 @@ def view_of(trial: Trial, setup: Setup, model: RobotModel, bad: Mask) -> View:
         name=trial.name,
         kind=trial.kind,
         load=None if trial.kind == "free" else trial.load,
-        t=np.arange(count) * (step / rate),
+        t=np.arange(count, dtype=np.float64) * (step / rate),
         dt=step / rate,
         theta=theta,
         omega=omega,

@@ -19,7 +19,7 @@ _RIVALS = 12
 _TRIALS: tuple[tuple[frozenset[str], str], ...] = (
     (
         frozenset({"actuator.gain"}),
-        "a load trial with a physical force sensor, or a weighed payload: a common factor on both torques hides",
+        "a load trial with a force sensor, or a weighed payload",
     ),
     (
         frozenset({"encoder.zero"}),
@@ -47,9 +47,8 @@ def ties(table: Table, active: Sequence[int]) -> list[Tie]:
     for s in active:
         rest = [other for other in active if other != s]
         labels = [table.slots[s].candidate.label]
-        for rival in _rivals(table, rest, s):
-            if within_reach(table, rest, s, rival):
-                labels.append(table.slots[rival].candidate.label)
+        near = [rival for rival in _rivals(table, rest, s) if within_reach(table, rest, s, rival)]
+        labels += [table.slots[rival].candidate.label for rival in near]
         labels = list(dict.fromkeys([*labels, *_decomposed(table.slots[s].candidate)]))
         if len(labels) > 1:
             found.append(Tie(tuple(labels), telling_trial(labels)))
@@ -81,7 +80,7 @@ def within_reach(table: Table, rest: Sequence[int], s: int, rival: int) -> bool:
 def _rivals(table: Table, rest: Sequence[int], s: int) -> list[int]:
     own = table.slots[s].candidate
     seen = {own.label}
-    result = []
+    result: list[int] = []
     top = score_of(table, rest, s)
     for score, other in ranking(table, rest):
         candidate = table.slots[other].candidate

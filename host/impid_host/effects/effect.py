@@ -132,7 +132,7 @@ def at_tip(view: View, *forces: Floats) -> Columns:
 
 
 def by_load(view: View, *forces: Floats) -> Columns:
-    """Additions (N, d) to -F_ext of the load: felt by robot and force sensor alike; nothing in free motion."""
+    """Additions (N, d) to -F_ext of the load, felt by robot and force sensor alike; none in free motion."""
     if view.load is None:
         return {}
     block = np.stack(forces, axis=2)

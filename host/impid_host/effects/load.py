@@ -92,7 +92,7 @@ def _cubic(setting: Setting) -> Iterator[Candidate]:
 
 
 def dahl(position: Floats, width: float) -> Floats:
-    """Dahl's rate-independent hysteresis of each column, in -1..1: dz = (1 - z sign(dx)) dx / width, (N, k)."""
+    """Dahl's hysteresis of each column, in -1..1: dz = (1 - z sign(dx)) dx / width, (N, k)."""
     z = np.zeros_like(position)
     steps = np.diff(position, axis=0) / width
     for k, step in enumerate(steps):

@@ -129,8 +129,8 @@ def _tilt(setting: Setting) -> Iterator[Candidate]:
 
 
 def _inertia(setting: Setting) -> Iterator[Candidate]:
-    # What is always there hides in alpha. What is there in load trials alone shows: a rotor by itself, a mass at
-    # the tip (which is part of m otherwise) ahead of a force sensor.
+    # What is always there hides in alpha. What is there in load trials alone shows: a rotor by itself, a mass
+    # at the tip (which is part of m otherwise) ahead of a force sensor.
     if not (setting.planar and (setting.springs or setting.arms)):
         return
     for joint in range(setting.joints):

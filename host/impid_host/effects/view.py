@@ -39,8 +39,8 @@ class View:
         torque_model: the present model's torque, (N, n); x0: the load's equilibrium by it, (d,);
             K: its stiffness, (d, d).
         valid: instants that may be used, (N,).
-        model: the robot's kinematics; respond: what the present model predicts of every family, (N, channels),
-            were the motion that of the given view.
+        model: the robot's kinematics; respond: what the present model predicts of every family,
+            (N, channels), were the motion that of the given view.
     """
 
     name: str
@@ -72,7 +72,7 @@ class View:
 
     @property
     def joints(self) -> int:
-        return self.theta.shape[1]
+        return int(self.theta.shape[1])
 
     @property
     def rate_hz(self) -> float:

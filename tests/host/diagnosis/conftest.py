@@ -1,4 +1,4 @@
-"""A small study generator that shares nothing with impid: motions in closed form, torques by inverse dynamics.
+"""A study generator that shares nothing with impid: motions in closed form, torques by inverse dynamics.
 
 The motion is a sum of sinusoids, so every derivative is exact; the robot is two rods with their textbook
 equations (Lagrange, worked by hand in complex numbers), and each effect is put in as physics.
@@ -152,6 +152,7 @@ def build(world: World) -> Study:
         s = rng.uniform(-0.2, 0.2) * k.min()
         loads.append((rng.uniform(0.5, 1.6), np.array([[k[0], s], [s, k[1]]]), None))
     trials = []
+    common = np.zeros(2)
     for index in range(world.free + world.loaded):
         loaded = index >= world.free
         number = index - world.free
