@@ -1,6 +1,7 @@
 """What the parts share: the boards of the tests, the recorder as a program, and where results go."""
 
 import json
+import os
 import sys
 import time
 from pathlib import Path
@@ -18,9 +19,9 @@ __all__ = ["RECORD", "CanBoard", "PtyBoard", "SlcanBoard", "await_size", "save"]
 def save(part: str, **figures: Any) -> None:
     """Keep the figures of a part for the report."""
     RESULTS.mkdir(parents=True, exist_ok=True)
-    text = json.dumps(
-        {"command": f"python bench/recording/{part}.py {' '.join(sys.argv[1:])}".strip(), **figures}
-    )
+    command = f"python bench/recording/{part}.py {' '.join(sys.argv[1:])}".strip()
+    busy = f"{os.getloadavg()[1]:.0f} processes wanting {os.cpu_count()} cores"
+    text = json.dumps({"command": command, "machine": busy, **figures})
     (RESULTS / f"{part}.json").write_text(text + "\n", encoding="utf-8")
     print(text)
 

@@ -31,8 +31,8 @@ def run(kind: str, seconds: float) -> dict[str, object]:
     context = multiprocessing.get_context("spawn")
     stop, ports = context.Event(), context.Queue()
     others = [
-        context.Process(target=_serve, args=(kind, ports, stop)),
-        context.Process(target=_burn, args=(stop,)),
+        context.Process(target=_serve, args=(kind, ports, stop), daemon=True),
+        context.Process(target=_burn, args=(stop,), daemon=True),
     ]
     for other in others:
         other.start()

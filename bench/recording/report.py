@@ -80,9 +80,9 @@ def _can_loggers(f: dict[str, Any]) -> list[str]:
         for name, r in f["loggers"].items()
     ]
     return [
-        f"The same bus and board, kill -9, the worst of {f['times']}. The text formats of python-can keep a little "
-        "more than we do, because they hand every 8 kB to the system and have no chunks to finish; none of them "
-        "counts what was lost on the bus, tells a restart of the board, or keeps the clock exchanges.",
+        f"The same bus and board, kill -9, the worst of {f['times']}. python-can's text formats lose about as little "
+        "as we do, because they hand every 8 kB to the system; its binary and SQLite formats collect far more first. "
+        "None of them counts what was lost on the bus, tells a restart of the board, or keeps clock exchanges.",
         "",
         *rows,
         "",
@@ -114,6 +114,8 @@ def main() -> None:
         figures = _figures(part)
         lines += [f"## {title}", ""]
         lines += ["Not run yet."] if figures is None else [*text(figures), "", f"`{figures['command']}`"]
+        if figures is not None and "machine" in figures:
+            lines += ["", f"While it ran: {figures['machine']}."]
         lines.append("")
     target = ROOT / "docs" / "validation" / "recording.md"
     target.parent.mkdir(parents=True, exist_ok=True)
