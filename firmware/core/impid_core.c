@@ -47,7 +47,8 @@ static impid_status_t gather_status(impid_core_t *core, impid_carrier_t carrier)
         .timing = {.late = sampler->late, .overruns = sampler->overruns},
         .sensors = {.saturated = sampler->saturated, .encoder_faults = sampler->encoder_faults},
         .commands = {.accepted = core->accepted,
-                     .rejected = core->rejected + core->parser.damaged + core->parser.foreign},
+                     .rejected =
+                         core->rejected + core->parser.damaged + core->parser.foreign + health.rejected},
         .health = {.state = state(core),
                    .reset_cause = core->config.reset_cause,
                    .clock_source = core->config.clock_source,

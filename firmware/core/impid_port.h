@@ -32,6 +32,7 @@ typedef struct {
     uint16_t worst_tick_us; /* longest run of the sampling interrupt since boot */
     uint32_t sync_us;       /* the counter at the last edge on the sync input */
     uint32_t sync_count;    /* samples flagged with an edge since boot */
+    uint32_t rejected;      /* commands that arrived and found no room in the port, since boot */
 } impid_port_health_t;
 
 typedef struct {

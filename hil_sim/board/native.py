@@ -1,6 +1,7 @@
 """The firmware core in this process, through firmware/boards/native/impid_board.h."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from mmap import mmap
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +11,12 @@ from hil_sim._native import ffi, lib
 TICK_US = 1000
 TAKE_BYTES = 65536
 TAKE_FRAMES = 256
+FLASH_BYTES = 4 * 8192  # IMPID_BOARD_FLASH_WORDS
+
+
+def new_flash() -> bytearray:
+    """The settings' flash as it leaves the factory: all bits 1; 32768 bytes."""
+    return bytearray(b"\xff" * FLASH_BYTES)
 
 
 @dataclass(frozen=True)
@@ -24,6 +31,8 @@ class BoardConfig:
         start_us: board time of the first tick.
         serial_bytes_per_ms: what the serial line carries; 0: no limit.
         can_frames_per_ms: what the bus carries; 0: no limit.
+        flash: FLASH_BYTES keeping the settings; a writable `mmap` keeps them in a file. What `replace`
+            makes of this configuration shares it, as boots of one board do.
     """
 
     uid: tuple[int, int, int] = (0x00320044, 0x31385109, 0x38303634)
@@ -33,13 +42,17 @@ class BoardConfig:
     start_us: int = 0
     serial_bytes_per_ms: int = 92
     can_frames_per_ms: int = 0
+    flash: bytearray | mmap = field(default_factory=new_flash, repr=False, compare=False)
 
 
 class NativeBoard:
     """A board in this process; implements `Board`."""
 
     def __init__(self, config: BoardConfig) -> None:
+        if len(config.flash) != FLASH_BYTES:
+            raise ValueError(f"a flash of {len(config.flash)} bytes; the board's has {FLASH_BYTES}")
         self._next_tick_us = config.start_us
+        self._flash = ffi.from_buffer("uint32_t[]", config.flash, require_writable=True)
         board = lib.impid_board_new(
             ffi.new(
                 "impid_board_config *",
@@ -51,6 +64,7 @@ class NativeBoard:
                     "start_us": config.start_us,
                     "serial_bytes_per_ms": config.serial_bytes_per_ms,
                     "can_frames_per_ms": config.can_frames_per_ms,
+                    "flash": self._flash,
                 },
             )
         )

@@ -49,14 +49,14 @@ static void self_test_pin(void *context, bool drive) {
 }
 
 static impid_port_health_t health(void *context) {
-    (void)context;
     return (impid_port_health_t){.bus_off = 3,
                                  .tx_errors = 17,
                                  .rx_errors = 19,
                                  .supply_mV = 3300,
                                  .worst_tick_us = 42,
                                  .sync_us = 7654321,
-                                 .sync_count = 3};
+                                 .sync_count = 3,
+                                 .rejected = ((fake_port_t *)context)->rejected};
 }
 
 static void request_reset(void *context) {

@@ -14,6 +14,7 @@ typedef struct {
     uint32_t can_room_after; /* CAN has none for so many frames */
     bool pin;
     bool reset_requested;
+    uint32_t rejected; /* commands that the port had no room for */
     /* Serial frames as the parser reads them back. */
     impid_frame_parser_t parser;
     struct impid_messages_batch_t headers[FAKE_FRAMES];

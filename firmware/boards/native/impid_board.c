@@ -12,6 +12,12 @@
 
 #define VREF_MV 3300u
 
+#define LOG_WORDS    9u
+#define SECTOR_WORDS (IMPID_BOARD_FLASH_WORDS / IMPID_SETTINGS_SECTORS)
+
+/* As many as on the chip; a process that faults leaves none behind. */
+static const uint32_t no_fault[LOG_WORDS];
+
 /* How far a line of `per_ms` units (bytes or frames) a millisecond has come. */
 typedef struct {
     uint64_t at_us;  /* what could leave until here has left */
@@ -21,6 +27,8 @@ typedef struct {
 struct impid_board {
     impid_core_t core;
     impid_port_t port;
+    impid_flash_t flash_port;
+    impid_settings_t settings;
     impid_board_config config;
     uint64_t now_us;
     uint64_t next_tick_us;
@@ -39,6 +47,8 @@ struct impid_board {
     size_t can_left;
     uint8_t serial[IMPID_BOARD_SERIAL_CAPACITY];
     impid_board_can_frame can[IMPID_BOARD_CAN_CAPACITY];
+    uint32_t own_flash[IMPID_BOARD_FLASH_WORDS];
+    uint32_t *flash; /* this one, or the caller's */
 };
 
 static uint32_t port_now_us(void *context) {
@@ -132,6 +142,36 @@ static void port_request_reset(void *context) {
     board->reset_requested = true;
 }
 
+static uint32_t flash_read(void *context, uint32_t sector, uint32_t word) {
+    const impid_board *board = context;
+    return board->flash[sector * SECTOR_WORDS + word];
+}
+
+static bool flash_program(void *context, uint32_t sector, uint32_t word, uint32_t value) {
+    impid_board *board = context;
+    board->flash[sector * SECTOR_WORDS + word] &= value;
+    return true;
+}
+
+static bool flash_erase(void *context, uint32_t sector) {
+    impid_board *board = context;
+    memset(&board->flash[sector * SECTOR_WORDS], 0xFF, SECTOR_WORDS * sizeof board->flash[0]);
+    return true;
+}
+
+static void start_settings(impid_board *board, uint32_t *flash) {
+    memset(board->own_flash, 0xFF, sizeof board->own_flash);
+    board->flash = flash != NULL ? flash : board->own_flash;
+    board->flash_port = (impid_flash_t){.context = board,
+                                        .sector_words = SECTOR_WORDS,
+                                        .read = flash_read,
+                                        .program = flash_program,
+                                        .erase = flash_erase};
+    impid_settings_init(&board->settings, &board->flash_port);
+    (void)impid_settings_prepare(&board->settings);
+    (void)impid_settings_count_boot(&board->settings);
+}
+
 impid_board *impid_board_new(const impid_board_config *config) {
     impid_board *board = calloc(1, sizeof *board);
     if (board == NULL) {
@@ -150,6 +190,7 @@ impid_board *impid_board_new(const impid_board_config *config) {
                                  .self_test_pin = port_self_test_pin,
                                  .health = port_health,
                                  .request_reset = port_request_reset};
+    start_settings(board, config->flash);
     impid_core_config_t core_config = {.uid = {config->uid[0], config->uid[1], config->uid[2]},
                                        .boot_id = config->boot_id,
                                        .reset_cause = config->reset_cause,
@@ -157,7 +198,10 @@ impid_board *impid_board_new(const impid_board_config *config) {
                                            IMPID_MESSAGES_STATUS_HEALTH_CLOCK_SOURCE_NATIVE_CHOICE,
                                        .vref_mV = VREF_MV,
                                        .first_index = config->first_index,
-                                       .boot_us = config->start_us};
+                                       .boot_us = config->start_us,
+                                       .settings = &board->settings,
+                                       .log = no_fault,
+                                       .log_words = LOG_WORDS};
     impid_core_init(&board->core, &core_config, &board->port);
     return board;
 }

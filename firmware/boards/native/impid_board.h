@@ -29,6 +29,9 @@
 
 #define IMPID_ADC_PER_TICK 8u
 
+/* Two sectors of 16 KiB, as on the chip. */
+#define IMPID_BOARD_FLASH_WORDS 8192u
+
 /* What may wait for *_take(): over three minutes of streaming. When full, the line takes no more and the
  * board counts what it drops, as with a cable that nobody reads. */
 #ifndef IMPID_BOARD_SERIAL_CAPACITY /* a machine with less memory may set both lower */
@@ -46,6 +49,9 @@ typedef struct {
     uint64_t start_us;    /* board time of tick 0: tests of the wrap set it near 2^32 */
     uint32_t serial_bytes_per_ms; /* what the serial line carries (92 at 921600 baud); 0: no limit */
     uint32_t can_frames_per_ms;   /* what the bus carries; 0: no limit */
+    /* IMPID_BOARD_FLASH_WORDS words in which the board keeps its settings, all bits 1 when new: the caller's,
+     * so that they outlive the board, in a mapped file if need be. NULL: a new flash, gone with the board. */
+    uint32_t *flash;
 } impid_board_config;
 
 typedef struct {

@@ -33,6 +33,7 @@ static volatile uint32_t loaded; /* interrupt, or main loop masked: frames ever 
 static arrival_t arrivals[RECEIVE_FRAMES];
 static volatile uint32_t arrived; /* interrupt */
 static uint32_t taken;            /* main loop */
+static volatile uint32_t refused; /* interrupt: arrivals that found the queue full */
 
 static uint32_t kilobits;
 static volatile uint16_t bus_off;
@@ -92,8 +93,9 @@ void can1_rx0_handler(void) {
             arrival->frame.data[i] = byte_of(low, high, i);
         }
         arrived++;
+    } else {
+        refused++; /* counted as rejected; its sender repeats it, unanswered */
     }
-    /* A full queue drops the command: its sender repeats it, unanswered. */
     CAN1->RF0R = CAN_RF0R_RFOM;
 }
 
@@ -170,6 +172,7 @@ void can1_sce_handler(void) {
 void can_health(impid_port_health_t *health) {
     uint32_t errors = CAN1->ESR;
     health->bus_off = bus_off;
+    health->rejected = refused;
     health->tx_errors = (uint8_t)(errors >> CAN_ESR_TEC_Pos);
     health->rx_errors = (uint8_t)(errors >> CAN_ESR_REC_Pos);
 }

@@ -142,7 +142,7 @@ bool serial_send(const uint8_t *bytes, size_t count) {
     uint32_t first = place % TRANSMIT_BYTES;
     size_t stretch = count < TRANSMIT_BYTES - first ? count : TRANSMIT_BYTES - first;
     memcpy(&transmit[first], bytes, stretch);
-    memcpy(&transmit[0], bytes + stretch, count - stretch);
+    memcpy(&transmit[0], &bytes[stretch], count - stretch);
     uint32_t before = interrupts_mask();
     queued = place + (uint32_t)count;
     if (under_way == 0u) {

@@ -36,8 +36,9 @@ void tearDown(void) {
     board = NULL;
 }
 
-static void send(uint16_t request_id, uint8_t opcode, uint64_t t_us) {
-    struct impid_messages_command_t command = {.request_id = request_id, .opcode = opcode};
+static void send_with(uint16_t request_id, uint8_t opcode, uint8_t item, uint32_t value, uint64_t t_us) {
+    struct impid_messages_command_t command = {
+        .request_id = request_id, .opcode = opcode, .item = item, .value = value};
     struct impid_messages_batch_t header = {
         .kind = IMPID_MESSAGES_BATCH_KIND_COMMAND_CHOICE, .version = IMPID_PROTOCOL_VERSION, .count = 1};
     uint8_t record[8];
@@ -46,12 +47,17 @@ static void send(uint16_t request_id, uint8_t opcode, uint64_t t_us) {
     impid_board_serial_receive(board, encoded, impid_frame_encode(&header, record, encoded), t_us);
 }
 
+static void send(uint16_t request_id, uint8_t opcode, uint64_t t_us) {
+    send_with(request_id, opcode, 0, 0, t_us);
+}
+
 typedef struct {
     uint32_t samples;
     uint32_t gaps; /* indices left out between batches */
     uint32_t frames;
     uint32_t missing_frames; /* numbers left out between frames */
     struct impid_messages_pong_t pong;
+    struct impid_messages_response_t response;
     struct impid_messages_status_samples_t status;
     struct impid_messages_status_link_t link;
 } received_t;
@@ -78,6 +84,8 @@ static received_t receive(void) {
             seen.samples += header->count;
         } else if (header->kind == IMPID_MESSAGES_BATCH_KIND_PONG_CHOICE) {
             (void)impid_messages_pong_unpack(&seen.pong, frame.records, 8);
+        } else if (header->kind == IMPID_MESSAGES_BATCH_KIND_RESPONSE_CHOICE) {
+            (void)impid_messages_response_unpack(&seen.response, frame.records, 8);
         } else if (header->kind == IMPID_MESSAGES_BATCH_KIND_STATUS_CHOICE) {
             (void)impid_messages_status_samples_unpack(&seen.status, frame.records, 8);
             (void)impid_messages_status_link_unpack(&seen.link, &frame.records[8], 8);
@@ -257,6 +265,41 @@ static void test_pin_and_reset_are_visible(void) {
     TEST_ASSERT_EQUAL_INT(1, impid_board_reset_requested(board));
 }
 
+static uint32_t value_of(uint16_t request_id, uint8_t opcode, uint8_t item) {
+    send_with(request_id, opcode, item, 0, 0);
+    struct impid_messages_response_t response = receive().response;
+    TEST_ASSERT_EQUAL_UINT16(request_id, response.request_id);
+    TEST_ASSERT_EQUAL_UINT8(IMPID_MESSAGES_RESPONSE_RESULT_OK_CHOICE, response.result);
+    return response.value;
+}
+
+#define GET  IMPID_MESSAGES_COMMAND_OPCODE_GET_CHOICE
+#define SET  IMPID_MESSAGES_COMMAND_OPCODE_SET_CHOICE
+#define SAVE IMPID_MESSAGES_COMMAND_OPCODE_SAVE_CHOICE
+#define CPR  IMPID_MESSAGES_COMMAND_ITEM_ENCODER_1_CPR_CHOICE
+#define BOOT IMPID_MESSAGES_COMMAND_ITEM_BOOT_COUNT_CHOICE
+
+/* The flash is the caller's: a board made anew on it finds what the one before saved, and nothing else. */
+static void test_settings_outlive_the_board_in_the_flash_that_it_is_given(void) {
+    static uint32_t words[IMPID_BOARD_FLASH_WORDS];
+    memset(words, 0xFF, sizeof words);
+    const impid_board_config config = {.flash = words};
+    make_board(&config);
+    TEST_ASSERT_EQUAL_UINT32(1, value_of(1, GET, BOOT));
+    send_with(2, SET, CPR, 8192, 0);
+    (void)value_of(3, SAVE, 0);
+    send_with(4, SET, CPR, 4096, 0);
+    TEST_ASSERT_EQUAL_UINT32(4096, value_of(5, GET, CPR));
+    make_board(&config);
+    TEST_ASSERT_EQUAL_UINT32(2, value_of(1, GET, BOOT));
+    TEST_ASSERT_EQUAL_UINT32(8192, value_of(2, GET, CPR));
+    make_board(&(impid_board_config){0});
+    TEST_ASSERT_EQUAL_UINT32(1, value_of(1, GET, BOOT));
+    TEST_ASSERT_EQUAL_UINT32(0, value_of(2, GET, CPR));
+    TEST_ASSERT_EQUAL_UINT32(0, value_of(3, IMPID_MESSAGES_COMMAND_OPCODE_LOG_CHOICE,
+                                         IMPID_MESSAGES_COMMAND_ITEM_FAULT_UPTIME_US_CHOICE));
+}
+
 int main(void) {
     UNITY_BEGIN();
     RUN_TEST(test_every_sample_arrives);
@@ -269,5 +312,6 @@ int main(void) {
     RUN_TEST(test_output_that_nobody_takes_is_dropped_and_counted);
     RUN_TEST(test_two_boards_in_one_process_do_not_meet);
     RUN_TEST(test_pin_and_reset_are_visible);
+    RUN_TEST(test_settings_outlive_the_board_in_the_flash_that_it_is_given);
     return UNITY_END();
 }
