@@ -77,6 +77,26 @@ def _asymmetric(setting: Setting) -> Iterator[Candidate]:
             gate=lambda beta, _shape: bool(min(beta) > -0.05 * max(beta) and max(beta) > 0),
         )
 
+        def sloped(view: View, _shape: float, joint: int = joint) -> Columns:
+            direction, omega = _direction(view, joint), view.omega[:, joint]
+            return on_joint(view, joint, np.maximum(direction, 0), np.minimum(direction, 0), np.abs(omega))
+
+        yield Candidate(
+            "friction.asymmetric",
+            (joint_name(joint),),
+            sloped,
+            _read_sloped,
+            size=3,
+            gate=lambda beta, _shape: bool(min(beta[:2]) > -0.05 * max(beta[:2]) and max(beta[:2]) > 0),
+            variant="slopes too",
+        )
+
+
+def _read_sloped(beta: Floats, _shape: float) -> dict[str, float]:
+    """The slopes are what is to be added to the model's viscous friction in either direction."""
+    pos, neg, slope = map(float, beta)
+    return {"torque_pos": pos, "torque_neg": neg, "viscous_pos": slope, "viscous_neg": -slope}
+
 
 def _quadratic(setting: Setting) -> Iterator[Candidate]:
     for joint in range(setting.joints):
@@ -143,7 +163,12 @@ EFFECTS = (
         "friction.asymmetric",
         "tau += torque_pos where omega > 0, -torque_neg where omega < 0",
         "robot",
-        (Parameter("torque_pos", "N*m", 0), Parameter("torque_neg", "N*m", 0)),
+        (
+            Parameter("torque_pos", "N*m", 0),
+            Parameter("torque_neg", "N*m", 0),
+            Parameter("viscous_pos", "N*m*s/rad"),
+            Parameter("viscous_neg", "N*m*s/rad"),
+        ),
         _SOURCE,
         _asymmetric,
     ),
