@@ -118,14 +118,11 @@ def fit_load(
     # A log's fx, fy are forces in the plane; a single axis has only its own.
     planar = len(model.task_axes) == 2
     measured = [trial for trial in members if trial.force is not None and planar]
-    rounds: list[tuple[list[AlignedTrial], RobotParameters | None]] = [(members, robot)]
-    if measured:
-        rounds.append((measured, None))
     return [
         identify_load(
             part, load, options.chain, options.split, robot=known, handle_mass_kg=setup.handle_mass_kg
         )
-        for part, known in rounds
+        for part, known in _rounds(members, measured, robot)
     ]
 
 
@@ -138,13 +135,27 @@ def fit_shaken(
         UndeterminedError: the trials are too short or too poor for spectra.
     """
     measured = [trial for trial in members if trial.force is not None]
-    rounds: list[tuple[list[AlignedTrial], RobotParameters | None]] = [(members, robot)]
-    if measured:
-        rounds.append((measured, None))
     return [
         fit_spectral(part, on, options.chain, options.split, robot=known, handle_mass_kg=setup.handle_mass_kg)
-        for part, known in rounds
+        for part, known in _rounds(members, measured, robot)
     ]
+
+
+def _rounds(
+    members: list[AlignedTrial], measured: list[AlignedTrial], robot: RobotParameters
+) -> list[tuple[list[AlignedTrial], RobotParameters | None]]:
+    """Method 1 over all trials where the robot is known, Method 2 over those with forces."""
+    rounds: list[tuple[list[AlignedTrial], RobotParameters | None]] = []
+    if robot.origin != "unknown":
+        rounds.append((members, robot))
+    if measured:
+        rounds.append((measured, None))
+    if not rounds:
+        raise UndeterminedError(
+            f"load {members[0].load}: no forces in its trials, no free trial and no [prior], so its force is "
+            "unknown; record a free trial"
+        )
+    return rounds
 
 
 def prior_parameters(study: Study, structure: RobotStructure) -> RobotParameters:
@@ -157,6 +168,8 @@ def prior_parameters(study: Study, structure: RobotStructure) -> RobotParameters
     size = len(structure.parameter_names)
     if prior is None and structure.model.name == "joint-1d":
         return RobotParameters(structure, np.zeros(size), np.zeros((size, size)), "none")
+    if prior is None and any(trial.robot.force is not None for trial in study.trials):
+        return RobotParameters(structure, np.full(size, np.nan), np.zeros((size, size)), "unknown")
     if prior is None:
         raise UndeterminedError(
             f"study {study.name}: no free trial and no [prior] alpha in setup.toml, so the robot is unknown; "

@@ -28,13 +28,15 @@ class RobotParameters:
     Attributes:
         structure: the model and its optional terms.
         value: (p,); covariance: (p, p), zero where it is not known.
-        origin: "free trials", "prior", or "none" for a torque sensor that carries nothing but the load.
+        origin: "free trials"; "prior"; "none" for a torque sensor that carries nothing but the load;
+            "unknown" where neither free trials nor a prior tell: values are not numbers, and Method 2 is
+            all there is.
     """
 
     structure: RobotStructure
     value: Floats
     covariance: Floats
-    origin: Literal["free trials", "prior", "none"]
+    origin: Literal["free trials", "prior", "none", "unknown"]
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,8 +7,8 @@ of the scores' long-run covariance takes up what correlation is left, between ch
 the middle step is left out.
 
 A kernel estimate errs on the small side in short records: its variance is widened by Kiefer and Vogelsang's
-critical values (Econometric Theory 21, 2005, Bartlett kernel), and after prewhitening no standard deviation is let
-below the conventional one (Angrist and Pischke 2009, sec. 8.1).
+critical values (Econometric Theory 21, 2005, Bartlett kernel), and after prewhitening no standard deviation
+is let below the conventional one (Angrist and Pischke 2009, sec. 8.1).
 """
 
 from collections.abc import Sequence
@@ -257,15 +257,13 @@ def _conventional(work: Sequence[Stretch], value: Floats) -> Floats:
     """Covariance (p, p) if the rows were white and of one variance."""
     residual = np.concatenate([_residual(stretch, value) for stretch in work])
     variance = float(np.sum(residual**2)) / max(residual.size - len(value), 1)
-    result: Floats = variance * np.linalg.inv(_normal(work))
-    return result
+    return np.asarray(variance * np.linalg.inv(_normal(work)), dtype=np.float64)
 
 
 def _not_below(covariance: Floats, floor: Floats) -> Floats:
     """The covariance with its standard deviations raised to those of `floor`, correlations kept."""
     raised = np.sqrt(np.maximum(np.diag(floor) / np.maximum(np.diag(covariance), 1e-300), 1.0))
-    result: Floats = covariance * np.outer(raised, raised)
-    return result
+    return np.asarray(covariance * np.outer(raised, raised), dtype=np.float64)
 
 
 def _andrews_bandwidth(scores: Sequence[Floats], rows: int) -> float:

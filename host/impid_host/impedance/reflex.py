@@ -1,8 +1,8 @@
 """A joint's impedance with a late, one-sided stretch reflex beside inertia, damping and stiffness.
 
-tau = I th'' + B th' + K (th - th0) + G h(t) * [th'(t - delay)]+ , where [.]+ keeps one direction of stretch and h is a
-critically damped second-order low-pass (Kearney, Stein and Parameswaran, IEEE Trans. Biomed. Eng. 44, 1997).
-Delay and low-pass are found by variable projection: for each pair the rest is linear.
+tau = I th'' + B th' + K (th - th0) + G h(t) * [th'(t - delay)]+, where [.]+ keeps one direction of stretch
+and h is a critically damped second-order low-pass (Kearney, Stein and Parameswaran, IEEE Trans. Biomed. Eng.
+44, 1997). Delay and low-pass are found by variable projection: for each pair the rest is linear.
 """
 
 from collections.abc import Callable

@@ -34,13 +34,13 @@ def ellipse_figure(fits: Sequence[LoadFit], handle_mass_kg: float = 0.0) -> Figu
     figure = Figure(figsize=(2.35 * len(panels), 2.9))
     axes = figure.subplots(1, len(panels), squeeze=False)[0]
     for panel, (title, signal, unit) in zip(axes, panels, strict=True):
-        for fit, color in zip(fits, _COLORS, strict=False):
+        for fit, color, dashes in zip(fits, _COLORS, ("-", (0, (4, 3))), strict=False):
             own = handle_mass_kg * np.eye(2) if signal == "a" and fit.model.carries_handle else 0.0
             S = fit.model.matrix_map(signal)
             for draw in _draws(fit):
                 panel.plot(*ellipse((S @ draw).reshape(2, 2) - own).T, color=color, lw=0.4, alpha=0.12)
             best = (S @ fit.estimate.value).reshape(2, 2) - own
-            panel.plot(*ellipse(best).T, color=color, lw=1.4, label=fit.method)
+            panel.plot(*ellipse(best).T, color=color, ls=dashes, lw=1.4, label=fit.method)
         panel.set_aspect("equal", adjustable="datalim")
         panel.set(title=f"{title} ({unit})", xlabel="along x")
         panel.axhline(0, color="#999999", lw=0.6)

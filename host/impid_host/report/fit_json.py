@@ -88,6 +88,7 @@ def _robot(robot: RobotFit | RobotParameters) -> Json:
             for name, value, unit in zip(
                 structure.parameter_names, parameters.value, structure.parameter_units, strict=True
             )
+            if np.isfinite(value)
         },
     }
     if isinstance(robot, RobotFit):

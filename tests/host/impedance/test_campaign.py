@@ -1,5 +1,7 @@
 """The whole path from raw counts and codes to impedance, against a robot that the test integrated."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from impid_host.errors import UndeterminedError
@@ -79,8 +81,13 @@ def test_prior_stands_in_for_free_trials(study: Study) -> None:
     loaded = Study("loaded", setup, study.of_kind("mass-spring"))
     result = fit_study(loaded, Options())
     assert result.loads[0].M.value[0, 0] == pytest.approx(M, rel=0.01)
+    # Without a prior the force sensor still serves; without one, nothing does.
+    sensed = fit_study(Study("loaded", study.setup, study.of_kind("mass-spring")), Options())
+    assert [fit.method for fit in sensed.loads] == ["physical sensor"]
+    assert sensed.loads[0].M.value[0, 0] == pytest.approx(M, rel=0.01)
+    bare = tuple(replace(t, robot=replace(t.robot, force=None)) for t in study.of_kind("mass-spring"))
     with pytest.raises(UndeterminedError, match="free trial"):
-        fit_study(Study("loaded", study.setup, study.of_kind("mass-spring")), Options())
+        fit_study(Study("bare", study.setup, bare), Options())
 
 
 def test_a_gap_is_left_out_and_said(study: Study) -> None:
