@@ -34,7 +34,7 @@ from impid_host.wire.tracker import Groups, Tracker
 
 _MASK32 = 0xFFFFFFFF
 _UNDATED = -1
-_PAIR_NS = 100_000_000
+_PAIR_NS = 200_000_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,7 +85,7 @@ class CanDecoder:
     ) -> Decoded:
         """What the frames complete: identifiers and payloads (one little-endian word each), shape (N,).
 
-        Two halves whose arrivals are 100 ms apart are not one sample: the few index bits of the second half
+        Two halves whose arrivals are 200 ms apart are not one sample: the few index bits of the second half
         repeat after 256 ms. Frames of other identifiers, which other devices may send, are passed over.
         """
         arrival_ns = np.zeros(len(words), np.int64) if arrival_ns is None else arrival_ns
