@@ -54,6 +54,9 @@ test-python: $(STAMP)
 
 validate: $(STAMP) ## the long forms, with their figures written to docs/validation (about an hour)
 	@PATH="$(CURDIR)/$(BIN):$$PATH" scripts/validate_recording.sh
+	$(BIN)/python scripts/validate/first_paper.py
+	$(BIN)/python scripts/validate/tables_residual.py
+	$(BIN)/python scripts/validate/measured_impedance.py
 
 clean: ## remove what was built, but nothing that was recorded
 	rm -rf $(VENV) build .pio .pio-core *.egg-info hil_sim/_native*.so hil_sim/_native.c
