@@ -4,8 +4,8 @@
  * present they cost nothing. Signs: a torque of an effect is what the drive must deliver in addition, so
  * friction, springs and ripples count positive where they resist.
  *
- * States that belong to dry friction (bristles) relax within microseconds at high speed. They are advanced by the
- * implicit Euler rule, which is stable at any speed and exact when sliding; all other states are
+ * States that belong to dry friction (bristles) relax within microseconds at high speed. They are advanced by
+ * the implicit Euler rule, which is stable at any speed and exact when sliding; all other states are
  * integrated with the plant.
  *
  * Ownership: part of the plant; the history of the delayed force is the caller's. Cannot fail.
@@ -15,24 +15,25 @@
 
 #include <stdint.h>
 
-#define IMPID_EFFECTS_TERMS 16u
+#define IMPID_EFFECTS_TERMS  16u
 #define IMPID_EFFECTS_STATES 8u /* motor angles, motor speeds, resonator angles, resonator speeds */
-#define IMPID_EFFECTS_INPUTS 6u /* per tick: torque on joint 1, 2 (N m); push on the load's side x, y (N);
-                                   shift of the load's equilibrium x, y (m) */
+/* Per tick: torque on joint 1, 2 (N m); push on the load's side x, y (N); shift of the load's equilibrium
+ * x, y (m). */
+#define IMPID_EFFECTS_INPUTS 6u
 
 /* Dry friction of one joint: a bristle that bends by `presliding` before it slides (Dahl). */
 typedef struct {
-    double presliding;         /* rad; > 0 */
-    double level[2];           /* Coulomb level for positive and negative speed, N m */
-    double stribeck;           /* more of it at standstill, N m */
-    double stribeck_speed;     /* rad/s; > 0 */
-    double quadratic;          /* N m s^2/rad^2 */
-    double viscous[2];         /* beyond alpha, for positive and negative speed, N m s/rad */
-    double warm_level;         /* more while cold, N m */
-    double warm_viscous;       /* more while cold, N m s/rad */
-    double warm_time;          /* s; > 0 */
-    double per_force;          /* of the level on the load's force, m */
-    double bend;               /* state, -1 to 1 of the presliding */
+    double presliding;     /* rad; > 0 */
+    double level[2];       /* Coulomb level for positive and negative speed, N m */
+    double stribeck;       /* more of it at standstill, N m */
+    double stribeck_speed; /* rad/s; > 0 */
+    double quadratic;      /* N m s^2/rad^2 */
+    double viscous[2];     /* beyond alpha, for positive and negative speed, N m s/rad */
+    double warm_level;     /* more while cold, N m */
+    double warm_viscous;   /* more while cold, N m s/rad */
+    double warm_time;      /* s; > 0 */
+    double per_force;      /* of the level on the load's force, m */
+    double bend;           /* state, -1 to 1 of the presliding */
 } impid_effects_friction;
 
 /* A torque that depends on the angle of one joint. */
@@ -60,20 +61,20 @@ typedef struct {
 } impid_effects_coupled;
 
 typedef struct {
-    double cubic[2];        /* along x and y, N/m^3 */
-    double cubic_radial;    /* N/m^3 */
-    double dry[2];          /* level of the hysteresis along x and y, N */
-    double dry_width;       /* m; > 0 */
-    double play_half[2];    /* m */
-    double late_k, late_b;  /* N/m, N s/m: the delayed force */
-    double late_steps;      /* delay in steps of the integration, >= 1; 0: absent */
-    double steps_per_s;     /* of the integration */
-    double drift[2];        /* of the equilibrium, m/s */
-    double drift_from;      /* s: when the equilibrium stands at x0 */
-    double bend[2];         /* state, -1 to 1 */
-    double *history;        /* rows of x - x0, y - y0, vx, vy, one per step; a ring */
+    double cubic[2];       /* along x and y, N/m^3 */
+    double cubic_radial;   /* N/m^3 */
+    double dry[2];         /* level of the hysteresis along x and y, N */
+    double dry_width;      /* m; > 0 */
+    double play_half[2];   /* m */
+    double late_k, late_b; /* N/m, N s/m: the delayed force */
+    double late_steps;     /* delay in steps of the integration, >= 1; 0: absent */
+    double steps_per_s;    /* of the integration */
+    double drift[2];       /* of the equilibrium, m/s */
+    double drift_from;     /* s: when the equilibrium stands at x0 */
+    double bend[2];        /* state, -1 to 1 */
+    double *history;       /* rows of x - x0, y - y0, vx, vy, one per step; a ring */
     int32_t history_rows;
-    int32_t history_at;     /* the row that was written last */
+    int32_t history_at; /* the row that was written last */
 } impid_effects_load;
 
 typedef struct {
@@ -81,29 +82,29 @@ typedef struct {
     impid_effects_friction friction[2];
     int32_t terms;
     impid_effects_term term[IMPID_EFFECTS_TERMS];
-    double gain[2];         /* true over commanded torque */
-    double offset[2];       /* N m, lost between command and joint */
+    double gain[2];          /* true over commanded torque */
+    double offset[2];        /* N m, lost between command and joint */
     double tip_stiffness[4]; /* of springs that pull at the end-effector, N/m, row by row */
-    double tip_pull[2];     /* their force at x = 0, N */
-    double tip_damping[4];  /* N s/m */
-    double gravity[2];      /* in-plane, m/s^2 */
-    double moment[2];       /* first moments of the links about their axes, kg m */
+    double tip_pull[2];      /* their force at x = 0, N */
+    double tip_damping[4];   /* N s/m */
+    double gravity[2];       /* in-plane, m/s^2 */
+    double moment[2];        /* first moments of the links about their axes, kg m */
     impid_effects_coupled motor[2];
     impid_effects_coupled resonator[2];
     impid_effects_load load;
     double state[IMPID_EFFECTS_STATES];
-    double time_s;          /* since the motion began */
-    double force;           /* magnitude of the load's force over the last step, N */
+    double time_s; /* since the motion began */
+    double force;  /* magnitude of the load's force over the last step, N */
 } impid_effects;
 
 /* Where the plant is at one stage of a step. */
 typedef struct {
-    double since;    /* s since the step began */
+    double since; /* s since the step began */
     double q[2], w[2];
-    double x[2];     /* end-effector, m */
-    double v[2];     /* m/s */
+    double x[2]; /* end-effector, m */
+    double v[2]; /* m/s */
     double state[IMPID_EFFECTS_STATES];
-    double torque[2];                    /* of the drives, N m */
+    double torque[2]; /* of the drives, N m */
     double input[IMPID_EFFECTS_INPUTS];
 } impid_effects_stage;
 

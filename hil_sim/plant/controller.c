@@ -4,7 +4,8 @@
 
 /* What the encoder of joint j shows at this angle: a disc off its centre errs once per turn. */
 static int32_t count_at(const impid_plant_encoder *encoder, int j, double angle) {
-    const double shown = angle + encoder->shift_rad[j] + encoder->once_per_turn[j] * sin(angle + encoder->phase_rad[j]);
+    const double shown =
+        angle + encoder->shift_rad[j] + encoder->once_per_turn[j] * sin(angle + encoder->phase_rad[j]);
     return (int32_t)floor((shown - encoder->zero_rad[j]) * encoder->counts_per_rad[j] + 0.5);
 }
 

@@ -41,8 +41,8 @@ impid_plant_angles impid_plant_angles_near(const impid_plant_angles *base, const
 }
 
 /* What the hidden effects add: torques at the joints (r), forces of the load (f), rates of their states. */
-static void add_effects(const impid_plant *plant, const impid_effects_stage *stage, const double *d, double *r,
-                        double *f, double *tip, impid_plant_rates *out) {
+static void add_effects(const impid_plant *plant, const impid_effects_stage *stage, const double *d,
+                        double *r, double *f, double *tip, impid_plant_rates *out) {
     const impid_effects *e = &plant->effects;
     double gravity[2];
     double load[2];

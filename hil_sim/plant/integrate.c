@@ -34,7 +34,8 @@ static void finish(impid_plant *plant, const double *turned, const impid_plant_r
     const double l2 = plant->robot.length[1];
     const double v[2] = {-l1 * n.s1 * plant->w[0] + l2 * n.c2 * plant->w[1],
                          l1 * n.c1 * plant->w[0] + l2 * n.s2 * plant->w[1]};
-    const double d[2] = {l1 * n.c1 + l2 * n.s2 - plant->load.x0[0], l1 * n.s1 - l2 * n.c2 - plant->load.x0[1]};
+    const double d[2] = {l1 * n.c1 + l2 * n.s2 - plant->load.x0[0],
+                         l1 * n.s1 - l2 * n.c2 - plant->load.x0[1]};
     /* The load's bristles turn slowly enough for the end's velocity to stand for the mean's. */
     const double moved[2] = {plant->step_s * v[0], plant->step_s * v[1]};
     for (size_t i = 0; i < IMPID_EFFECTS_STATES; i++) {
@@ -106,7 +107,8 @@ void impid_plant_rest(impid_plant *plant, const double *q) {
 }
 
 void impid_plant_run(impid_plant *plant, size_t ticks, const double *reference, const double *input,
-                     double *q, double *w, double *acceleration, double *force, int32_t *count, double *torque) {
+                     double *q, double *w, double *acceleration, double *force, int32_t *count,
+                     double *torque) {
     for (size_t tick = 0; tick < ticks; tick++) {
         double *held = &torque[2u * tick];
         const double *now = input == NULL ? NULL : &input[IMPID_EFFECTS_INPUTS * tick];

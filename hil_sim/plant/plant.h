@@ -77,11 +77,12 @@ void impid_plant_rest(impid_plant *plant, const double *q);
  *
  * reference: ticks rows of q1, q2 (rad), w1, w2 (rad/s); for the controller at the end-effector x, y (m) and
  * the force to add (N). input: ticks rows of IMPID_EFFECTS_INPUTS, held over the tick; NULL: all zero. */
-void impid_plant_run(impid_plant *plant, size_t ticks, const double *reference, const double *input, double *q, double *w,
-                     double *acceleration, double *force, int32_t *count, double *torque);
+void impid_plant_run(impid_plant *plant, size_t ticks, const double *reference, const double *input,
+                     double *q, double *w, double *acceleration, double *force, int32_t *count,
+                     double *torque);
 
-/* The kinetic energy of the robot and the mass on it, plus the energy of the load's springs, J; without that of
- * effects. */
+/* The kinetic energy of the robot and the mass on it, plus the energy of the load's springs, J; without that
+ * of effects. */
 double impid_plant_energy(const impid_plant *plant);
 
 #endif

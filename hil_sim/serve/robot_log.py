@@ -16,11 +16,11 @@ ROWS_AT_ONCE = 100
 class LiveRobotLog:
     """Appends rows to robot.csv a tenth of a second at a time; on disk and complete after `finish`."""
 
-    def __init__(self, path: Path, *, with_force: bool) -> None:
+    def __init__(self, path: Path, *, with_force: bool, with_command: bool = False) -> None:
         self._path = path
-        self._csv = RobotCsv(path, with_force=with_force)
+        self._csv = RobotCsv(path, with_force=with_force, with_command=with_command)
         # The first write of all loads half of pyarrow, a tenth of a second: now, while the robot rests.
-        self._csv.add(_no_rows(with_force=with_force))
+        self._csv.add(_no_rows(with_force=with_force, with_command=with_command))
         self._csv.flush()
         self._waiting: list[LogRows] = []
         self._zero_s: float | None = None  # stamp of the first row
@@ -74,6 +74,12 @@ def _before(rows: LogRows, end_s: float) -> LogRows:
     return LogRows(**kept)
 
 
-def _no_rows(*, with_force: bool) -> LogRows:
+def _no_rows(*, with_force: bool, with_command: bool) -> LogRows:
     pairs = np.zeros((0, 2))
-    return LogRows(t_s=np.zeros(0), theta_rad=pairs, tau_Nm=pairs, force_N=pairs if with_force else None)
+    return LogRows(
+        t_s=np.zeros(0),
+        theta_rad=pairs,
+        tau_Nm=pairs,
+        force_N=pairs if with_force else None,
+        command_N=pairs if with_command else None,
+    )

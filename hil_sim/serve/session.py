@@ -81,7 +81,11 @@ class _Session:
         self._world = World(trial_truth(scenario, trial, options.seed))
         path = options.robot_log
         with_force = scenario.world.force_sensor is not None
-        self._log = None if path is None else LiveRobotLog(path, with_force=with_force)
+        self._log = (
+            None
+            if path is None
+            else LiveRobotLog(path, with_force=with_force, with_command=trial.kind == "stochastic")
+        )
         bytes_per_ms = scenario.world.serial.bytes_per_ms
         self._power = PoweredBoard(
             BoardConfig(

@@ -12,6 +12,7 @@ from hil_sim.plant.perturbation import random_perturbation
 from hil_sim.scenarios.load import SHIPPED, load, trial
 from hil_sim.sensors.force_sensor import ForceSensorTruth
 from hil_sim.sensors.torque_log import joined
+from hil_sim.serve.robot_log import LiveRobotLog
 from hil_sim.trials import trial_truth
 from hil_sim.world import World
 
@@ -66,6 +67,16 @@ def test_force_over_motion_is_the_dynamic_stiffness_of_the_array(shaken):
     expected = -(X @ K.T + velocity @ B.T + acceleration @ M.T)
     use = (f > 0.5) & (f < 12.0)
     assert np.linalg.norm(F[use] - expected[use]) < 1e-3 * np.linalg.norm(F[use])
+
+
+def test_the_live_log_of_a_shaken_load_has_the_commanded_force(shaken, tmp_path):
+    rows, _ = shaken
+    log = LiveRobotLog(tmp_path / "robot.csv", with_force=True, with_command=True)
+    log.add([rows])
+    log.finish()
+    table = np.genfromtxt(tmp_path / "robot.csv", delimiter=",", names=True)
+    assert table.dtype.names == ("t", "theta1", "theta2", "tau1", "tau2", "fx", "fy", "fdx", "fdy")
+    assert table["fdy"] == pytest.approx(rows.command_N[:, 1], abs=1e-5)
 
 
 def test_the_perturbation_ends_at_15_hz_and_its_axes_are_hardly_coherent():
