@@ -54,6 +54,7 @@ test-python: $(STAMP)
 
 validate: $(STAMP) ## the long forms, with their figures written to docs/validation (about an hour)
 	@PATH="$(CURDIR)/$(BIN):$$PATH" scripts/validate_recording.sh
+	scripts/firmware_fuzz.sh -max_total_time=60
 	$(BIN)/python scripts/validate/first_paper.py
 	$(BIN)/python scripts/validate/tables_residual.py
 	$(BIN)/python scripts/validate/measured_impedance.py
