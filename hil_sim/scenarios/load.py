@@ -5,6 +5,7 @@ from pathlib import Path
 
 from pydantic import ValidationError
 
+from hil_sim.effects import catalogue
 from hil_sim.errors import SimError
 from hil_sim.scenarios.schema import Scenario, Trial
 
@@ -37,11 +38,16 @@ def load(name_or_path: str) -> Scenario:
         shipped = ", ".join(names())
         raise SimError(f"{name_or_path}: no such scenario; name a TOML file or one of {shipped}") from None
     try:
-        return Scenario.model_validate(tomllib.loads(text))
+        scenario = Scenario.model_validate(tomllib.loads(text))
+        for one in scenario.effects:
+            catalogue.entry(one.effect, one.places, one.trials, one.values)
     except tomllib.TOMLDecodeError as error:
         raise SimError(f"{path}: not valid TOML, {error}; correct that line") from None
     except ValidationError as error:
         raise SimError(_one_line(path, error)) from None
+    except SimError as error:
+        raise SimError(f"{path}: {error}") from None
+    return scenario
 
 
 def trial(scenario: Scenario, name: str) -> Trial:

@@ -8,6 +8,7 @@ import pytest
 from hil_sim.errors import SimError
 from hil_sim.scenarios.load import load, names, trial
 from hil_sim.trials import trial_truth
+from hil_sim.truth import scenario_json
 
 
 @pytest.mark.parametrize("name", names())
@@ -57,6 +58,68 @@ def test_a_mistake_is_one_line_that_names_file_and_key(scenario_file, change, sa
     message = str(caught.value)
     assert message.startswith(str(path))
     assert "\n" not in message
+
+
+def _hide(**effect):
+    def change(content):
+        content["effects"] = [effect]
+
+    return change
+
+
+@pytest.mark.parametrize(
+    ("effect", "says"),
+    [
+        (
+            {"effect": "friction.columb", "torque": 0.1},
+            r"friction\.columb: not known; use one of friction\.c",
+        ),
+        ({"effect": "friction.coulomb"}, r"torque \(N\*m\) is missing; add it"),
+        ({"effect": "friction.coulomb", "torqe": 0.1}, r"has no parameter torqe; use torque"),
+        ({"effect": "friction.coulomb", "torque": "much"}, r"torque says much; give a number"),
+        (
+            {"effect": "friction.coulomb", "where": "tip", "torque": 0.1},
+            r"cannot be at tip; where may be joint1",
+        ),
+        ({"effect": "friction.coulomb", "torque": 0.1, "trials": ["free_09"]}, r"free_09: there is none"),
+    ],
+)
+def test_a_mistaken_effect_is_one_line_that_names_the_file(scenario_file, effect, says):
+    path = scenario_file(3.0, _hide(**effect))
+    with pytest.raises(SimError, match=says) as caught:
+        load(str(path))
+    assert str(caught.value).startswith(str(path))
+    assert "\n" not in str(caught.value)
+
+
+def test_an_effect_too_large_for_the_robot_is_refused(scenario_file):
+    heavy = {"effect": "elastic.transmission", "where": "joint1", "stiffness": 100.0, "motor_inertia": 0.2}
+    scenario = load(str(scenario_file(3.0, _hide(**heavy))))
+    with pytest.raises(SimError, match=r"elastic\.transmission: leaves a link without inertia"):
+        trial_truth(scenario, scenario.trials[0], 1)
+
+
+def test_the_truth_states_effects_their_trials_and_the_noise_floor(scenario_file):
+    push = {"effect": "load.hysteresis", "amplitude": 0.5, "width": 0.002}
+    scenario = load(str(scenario_file(3.0, _hide(**push))))
+    truth = scenario_json(scenario, 1, {}, scenario.trials)
+    (hidden,) = truth["effects"]
+    assert (hidden["effect"], hidden["where"]) == ("load.hysteresis", ["load"])
+    assert hidden["parameters"]["amplitude"] == {"value": 0.5, "unit": "N"}
+    assert hidden["trials"] == ["spring_K1_M1_01", "spring_K5_M3_01"]
+    assert truth["trials"]["free_01"]["effects"] == []
+    # 0.05 N m of white noise and 0.012 of slow.
+    assert truth["noise_floor"]["torque_rms_Nm"] == pytest.approx([0.05142, 0.05142], abs=1e-5)
+
+
+def test_repeated_trials_have_numbers_and_clocks_of_their_own(scenario_file):
+    def change(content):
+        content["trials"][0] |= {"name": "free_again", "repeat": 3}
+
+    scenario = load(str(scenario_file(3.0, change)))
+    made = [one for one in scenario.trials if one.name.startswith("free_again")]
+    assert [one.name for one in made] == ["free_again_01", "free_again_02", "free_again_03"]
+    assert len({one.robot_zero_s for one in made}) == 3
 
 
 def test_broken_toml_names_the_line(tmp_path):
