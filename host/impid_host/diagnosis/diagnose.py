@@ -8,6 +8,7 @@ from scipy import stats
 
 from impid_host.diagnosis import proof
 from impid_host.diagnosis.base import Base, base_of
+from impid_host.diagnosis.bursts import Burst, are_pushes, bursts, without_bursts
 from impid_host.diagnosis.choice import (
     Table,
     is_known,
@@ -70,6 +71,10 @@ def diagnose(study: Study, progress: Progress = _silent) -> Diagnosis:
     case = prepare(study, progress)
     progress("choosing", 0.7)
     case, active, curves = chosen_twice(case)
+    pushed = bursts_of(case, [*active, *curves])
+    if pushed:
+        progress("choosing again without what stands out", 0.75)
+        case, active, curves = chosen_twice(prepare(study, pushed=pushed))
     table = case.table
     findings = _findings(case, active)
     progress("judging on held-out data", 0.85)
@@ -78,11 +83,13 @@ def diagnose(study: Study, progress: Progress = _silent) -> Diagnosis:
         table, [*active, *curves], case.taps
     )
     left += [odd_structure(oddity) for oddity in case.oddities]
+    if are_pushes(pushed, sum(float(view.t[-1]) for view in case.views)):
+        left += [odd_structure(Oddity(burst.trial, "tau1", 0.0, burst.words)) for burst in pushed]
     floor = noise_floor(study, case, [*active, *curves], stages[-1])
     first, last = stages[0].rms, stages[-1].rms
     before = sum((first[key] / floor[key]) ** 2 for key in first)
     after = sum(max((last[key] / floor[key]) ** 2 - 1, 0.0) for key in first)
-    notes = []
+    notes = [burst.words for burst in pushed]
     if all(view.measured is None for view in case.views):
         notes.append("no accelerometer: accelerations come from the angles, and its faults cannot be seen")
     return Diagnosis(
@@ -125,14 +132,26 @@ def chosen_twice(case: Case) -> tuple[Case, list[int], list[int]]:
     return replace(case, table=again, taps=taps), active, curves
 
 
-def second_opinion(case: Case, picked: Sequence[Slot]) -> tuple[Table, Taps]:
-    """The table under a noise model of what the picked slots leave; they stand last in it."""
+def bursts_of(case: Case, active: Sequence[int]) -> list[Burst]:
+    """Stretches that the model with its effects and curves leaves standing out."""
+    runs, columns, _ = own_runs(case, [case.table.slots[s] for s in active])
+    return bursts(whitened(runs, case.taps), columns)
+
+
+def own_runs(case: Case, picked: Sequence[Slot]) -> tuple[list[Run], int, list[Slot]]:
+    """Raw rows of the base and the picked slots alone, how many columns, and the slots' new places."""
     first = case.base.size
     fresh = []
     for slot in picked:
         fresh.append(replace(slot, columns=slice(first, first + slot.candidate.size)))
         first += slot.candidate.size
-    raw = [run for view in case.views for run in build_runs(view, case.base, fresh, case.holdout)]
+    runs = [run for view in case.views for run in build_runs(view, case.base, fresh, case.holdout)]
+    return runs, first, fresh
+
+
+def second_opinion(case: Case, picked: Sequence[Slot]) -> tuple[Table, Taps]:
+    """The table under a noise model of what the picked slots leave; they stand last in it."""
+    raw, first, _ = own_runs(case, picked)
     taps = noise_models(raw, range(first), {})
     table = whitened_table(case.views, case.base, case.holdout, case.slots, case.runs, taps)
     for slot in picked:
@@ -155,11 +174,12 @@ def noise_floor(study: Study, case: Case, active: Sequence[int], last: Stage) ->
     return _numbers(study, case, chosen)[2]
 
 
-def prepare(study: Study, progress: Progress = _silent) -> Case:
-    """Align, fit the papers' model, evaluate every candidate, whiten."""
+def prepare(study: Study, progress: Progress = _silent, pushed: Sequence[Burst] = ()) -> Case:
+    """Align, leave out what is `pushed`, fit the papers' model, evaluate every candidate, whiten."""
     model = robot_model(study.setup.robot)
     progress("aligning", 0.0)
     parts, oddities = views(study, model)
+    parts = [without_bursts(view, pushed) for view in parts]
     holdout, base = hold_out(parts), base_of(parts, model)
     progress("fitting the papers' model", 0.2)
     parts = informed(parts, base, holdout)
@@ -279,7 +299,7 @@ def _findings(case: Case, active: Sequence[int]) -> list[Finding]:
                 effect=slot.candidate.effect,
                 where=slot.candidate.where,
                 parts=(chosen,),
-                parameters=parameters_of(chosen),
+                parameters=parameters_of(chosen, prismatic=case.base.model.name == "slide-1d"),
                 share_of_residual=share,
                 p_value=p_value(table, [a for a in active if a != s], s),
                 runner_up=rival,
@@ -321,8 +341,8 @@ def _idle(table: Table, before: Sequence[int], s: int, other: int) -> bool:
     return more > 0 and score_of(table, before, other) < score_of(table, before, s)
 
 
-def parameters_of(chosen: Chosen) -> dict[str, Number]:
-    """Reported parameters with intervals by linear propagation."""
+def parameters_of(chosen: Chosen, *, prismatic: bool = False) -> dict[str, Number]:
+    """Reported parameters with intervals by linear propagation; on a slide N and m stand for N m and rad."""
     effect = CATALOGUE[chosen.candidate.effect]
     value = chosen.candidate.read(chosen.beta, chosen.shape)
     sd = np.sqrt(np.maximum(np.diag(chosen.covariance), 0))
@@ -341,7 +361,10 @@ def parameters_of(chosen: Chosen) -> dict[str, Number]:
             for j in range(len(slopes)):
                 variance = variance + slopes[i] * slopes[j] * chosen.covariance[i, j]
         half = stats.norm.ppf(0.975) * np.sqrt(np.maximum(variance, 0))
-        result[name] = Number(center, np.stack([center - half, center + half], axis=-1), effect.unit(name))
+        unit = effect.unit(name)
+        if prismatic:
+            unit = unit.replace("N*m", "N").replace("rad", "m")
+        result[name] = Number(center, np.stack([center - half, center + half], axis=-1), unit)
     return result
 
 

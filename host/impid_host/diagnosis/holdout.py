@@ -7,8 +7,10 @@ import numpy as np
 
 from impid_host.effects.view import View
 from impid_host.signals.arrays import Mask
+from impid_host.signals.chain import erode
 
 _PAUSE_S = 1.0
+GAP_S = 0.3  # a gap is bridged by a line, so the filters have less to forget there than at an end
 _ENOUGH = 3  # trials of one kind and load, before one of them can be spared
 
 
@@ -26,6 +28,18 @@ class Holdout:
             cut = 2 * view.t[-1] / 3
             inside = inside & (view.t < cut - _PAUSE_S if part == "fit" else view.t >= cut)
         return np.asarray(inside)
+
+
+def settled(mask: Mask, rate_hz: float, ends_s: float) -> Mask:
+    """Without `ends_s` at both ends of what is kept, and without a shorter margin beside gaps inside."""
+    kept = np.flatnonzero(mask)
+    if len(kept) == 0:
+        return mask
+    inner = erode(mask, int(min(ends_s, GAP_S) * rate_hz))
+    reach = int(ends_s * rate_hz)
+    inner[: kept[0] + reach] = False
+    inner[max(kept[-1] + 1 - reach, 0) :] = False
+    return inner
 
 
 def hold_out(parts: Sequence[View]) -> Holdout:

@@ -22,6 +22,7 @@ from impid_host.effects.view import View
 from impid_host.signals.arrays import Floats
 
 _BETTER = 0.05  # part of what the effects explain, by which a curve must do better to be believed instead
+_PATCH = 0.1
 _LEAST = 12.0
 _CURVES = 3
 _P_VALUE = 1e-3
@@ -57,7 +58,21 @@ def unmasked(table: Table) -> tuple[Table, list[int], list[int]]:
         else:
             active = kept
         curves = given
-    return table, active, curves
+    return table, beside_curves(table, active, curves), curves
+
+
+def beside_curves(table: Table, active: Sequence[int], curves: Sequence[int]) -> list[int]:
+    """Effects that are more than a patch on a curve too stiff for what it stands for."""
+    if not curves:
+        return list(active)
+    by_curves = explained(table, [*active, *curves]) - explained(table, active)
+    kept = []
+    for s in active:
+        elsewhere = table.slots[s].candidate.effect.startswith(("accel.", "clock."))
+        rest = [*(other for other in active if other != s), *curves]
+        if elsewhere or _drop(table, rest, s) > _PATCH * by_curves:
+            kept.append(s)
+    return kept
 
 
 def survivors(table: Table, active: Sequence[int], given: Sequence[int]) -> list[int]:

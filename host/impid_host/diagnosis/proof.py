@@ -11,7 +11,7 @@ import numpy as np
 from scipy import stats
 
 from impid_host.diagnosis.base import Base, equilibrium
-from impid_host.diagnosis.holdout import Holdout
+from impid_host.diagnosis.holdout import Holdout, settled
 from impid_host.diagnosis.result import Chosen, Number
 from impid_host.effects.view import View
 from impid_host.errors import UndeterminedError
@@ -22,7 +22,7 @@ from impid_host.impedance.rows import SERIES_RATE_HZ, Equation, series, stretche
 from impid_host.robot.terms import RobotStructure
 from impid_host.signals.align import AlignedTrial, joint_acceleration
 from impid_host.signals.arrays import Floats
-from impid_host.signals.chain import DEFAULT, Chain, erode
+from impid_host.signals.chain import DEFAULT, Chain
 
 Numbers = tuple[Number, Mapping[str, Mapping[str, Number]], dict[str, float], dict[str, float]]
 
@@ -70,7 +70,7 @@ def aligned(view: View) -> AlignedTrial:
         x=view.x,
         v=view.v,
         a=a,
-        valid=erode(view.valid, int(chain.edge_s * view.rate_hz)),
+        valid=settled(view.valid, view.rate_hz, chain.edge_s),
         source="accelerometer" if view.measured is not None else "angles",
         clock=None,
     )

@@ -8,11 +8,10 @@ from numpy.typing import NDArray
 from scipy import signal, sparse
 
 from impid_host.diagnosis.base import Base, targets
-from impid_host.diagnosis.holdout import Holdout
+from impid_host.diagnosis.holdout import Holdout, settled
 from impid_host.effects.effect import Candidate
 from impid_host.effects.view import ANGLE, FAMILIES, View
 from impid_host.signals.arrays import Floats, Mask
-from impid_host.signals.chain import erode
 
 CUTOFF_HZ = 11.0
 _EDGE_S = 0.5
@@ -102,8 +101,10 @@ def build_runs(
     width = (slots[-1].columns.stop if slots else base.size) - first
     blocks = _blocks(view, base, slots, width, first)
     lower = decimator(view)
-    edge = int(_EDGE_S * view.rate_hz)
-    kept = {part: _stretches(erode(holdout.mask(view, part), edge)[:: lower.step]) for part in _PARTS}
+    kept = {
+        part: _stretches(settled(holdout.mask(view, part), view.rate_hz, _EDGE_S)[:: lower.step])
+        for part in _PARTS
+    }
     runs = []
     for family, (target, design) in blocks.items():
         y, Z = lower(target), lower(design)

@@ -120,7 +120,7 @@ def test_held_out_data_take_no_part(make) -> None:
     for trial in study.trials:
         tau = trial.robot.tau.copy()
         rows = trial.robot.t > 0.8 * trial.robot.t[-1]
-        tau[rows] += 0.05 * np.sin(40 * trial.robot.t[rows])[:, None]
+        tau[rows] += 0.05 * np.sin(12 * trial.robot.t[rows])[:, None]
         spoilt.append(replace(trial, robot=replace(trial.robot, tau=tau)))
     other = diagnose(replace(study, trials=tuple(spoilt)))
     assert labels(other) == labels(plain)
