@@ -8,6 +8,7 @@ from typing import Literal
 import numpy as np
 
 from impid_host.errors import UndeterminedError
+from impid_host.impedance.combinations import combinations, needs_unseen
 from impid_host.impedance.linear import Estimate, Stretch, fit_linear
 from impid_host.impedance.loads import LoadModel
 from impid_host.impedance.matrices import Quantity, load_matrices
@@ -31,12 +32,14 @@ class RobotParameters:
         origin: "free trials"; "prior"; "none" for a torque sensor that carries nothing but the load;
             "unknown" where neither free trials nor a prior tell: values are not numbers, and Method 2 is
             all there is.
+        unseen: directions in parameter space that the free trials leave open, (p, k), or None.
     """
 
     structure: RobotStructure
     value: Floats
     covariance: Floats
     origin: Literal["free trials", "prior", "none", "unknown"]
+    unseen: Floats | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,16 +123,31 @@ def identify_robot(
 ) -> RobotFit:
     """Robot parameters by linear least squares over all free trials, [D] Appendix.
 
+    Where the trials leave parameters open, the estimate holds the combinations that they do determine.
+
     Raises:
         UndeterminedError: the trials do not determine the parameters.
     """
     equations = [robot_equation(trial, structure, chain) for trial in trials]
     rows = _fit_rows(equations, chain, split)
     names, units = structure.parameter_names, structure.parameter_units
+    unseen = None
+    value, covariance = np.zeros(len(names)), np.zeros((len(names), len(names)))
     with _named("robot", trials):
-        estimate = fit_linear(rows, names, units, ar_order=chain.ar_order)
-    shown = _series(equations, estimate.value, chain, split)
-    parameters = RobotParameters(structure, estimate.value, estimate.covariance, "free trials")
+        try:
+            estimate = fit_linear(rows, names, units, ar_order=chain.ar_order)
+            value, covariance = estimate.value, estimate.covariance
+        except UndeterminedError:
+            part = combinations(rows, names)
+            kept, unseen = list(part.kept), part.unseen
+            if unseen.shape[1] == 0:
+                raise
+            own = tuple(units[k] for k in kept)
+            cut = [part.cut(stretch) for stretch in rows]
+            estimate = fit_linear(cut, part.labels, own, ar_order=chain.ar_order)
+            value[kept], covariance[np.ix_(kept, kept)] = estimate.value, estimate.covariance
+    shown = _series(equations, value, chain, split)
+    parameters = RobotParameters(structure, value, covariance, "free trials", unseen)
     return RobotFit(
         parameters=parameters,
         estimate=estimate,
@@ -159,6 +177,7 @@ def identify_load(
         equations = [physical_equation(trial, load, chain) for trial in trials]
     else:
         equations = [virtual_equation(trial, robot, load, chain) for trial in trials]
+        _require_seen(equations, robot, trials[0].load)
     rows = _fit_rows(equations, chain, split)
     with _named(f"load {trials[0].load}", trials):
         estimate = fit_linear(
@@ -186,6 +205,17 @@ def identify_load(
         sources=tuple(trial.source for trial in trials),
         robot_origin=None if robot is None else robot.origin,
     )
+
+
+def _require_seen(equations: Sequence[Equation], robot: RobotParameters, load: str) -> None:
+    """The load's trials may ask only for what the free trials showed of the robot."""
+    for equation in equations:
+        slope = equation.nuisance
+        if robot.unseen is not None and slope is not None and needs_unseen(slope, robot.unseen):
+            raise UndeterminedError(
+                f"load {load}: its trials need robot parameters that the free trials leave open; "
+                "record a free trial that moves every joint"
+            )
 
 
 @contextmanager

@@ -22,6 +22,7 @@ from impid_host.signals.arrays import Floats
 
 _MAX_CONDITION = 1e7
 _ROUNDS = 3
+_ROUNDING = 1e-7  # a column so much smaller than the largest one is a filter's rounding
 _HAUSMAN_SIGMAS = 3.0
 
 
@@ -175,8 +176,9 @@ def _solve(work: Sequence[Stretch]) -> Floats:
 def _require_determined(work: Sequence[Stretch], names: tuple[str, ...]) -> None:
     normal = _normal(work)
     size = np.sqrt(np.diag(normal))
-    if np.any(size == 0):
-        flat = ", ".join(name for name, norm in zip(names, size, strict=True) if norm == 0)
+    still = size <= _ROUNDING * size.max()
+    if np.any(still):
+        flat = ", ".join(name for name, none in zip(names, still, strict=True) if none)
         raise UndeterminedError(f"nothing in these trials depends on {flat}; move the joints that it acts on")
     eigenvalues, vectors = np.linalg.eigh(normal / np.outer(size, size))
     if eigenvalues[0] * _MAX_CONDITION**2 < eigenvalues[-1]:

@@ -79,15 +79,18 @@ def clock_json(fit: RobotClockFit) -> Json:
 def _robot(robot: RobotFit | RobotParameters) -> Json:
     parameters = robot.parameters if isinstance(robot, RobotFit) else robot
     structure = parameters.structure
+    # What the trials leave open stands there as the combinations that they determine.
+    names, units = structure.parameter_names, structure.parameter_units
+    values = parameters.value
+    if isinstance(robot, RobotFit):
+        names, units, values = robot.estimate.names, robot.estimate.units, robot.estimate.value
     result: Json = {
         "model": structure.model.name,
         "terms": [term.name for term in structure.terms],
         "origin": parameters.origin,
         "parameters": {
             name: {"value": float(value), "unit": unit}
-            for name, value, unit in zip(
-                structure.parameter_names, parameters.value, structure.parameter_units, strict=True
-            )
+            for name, value, unit in zip(names, values, units, strict=True)
             if np.isfinite(value)
         },
     }

@@ -223,3 +223,23 @@ def test_joint_space_impedance_by_virtual_work(arm_fit: LoadFit) -> None:
         assert energy(turn) == pytest.approx(0.5 * turn @ joint.stiffness.value @ turn, rel=1e-3)
     with pytest.raises(UndeterminedError, match="do not reach"):
         joint_impedance(arm_fit, Limb(0.2, 0.2, (0.37, -0.45)), 0.0)
+
+
+def test_what_the_motion_cannot_show_comes_as_the_combination_it_can() -> None:
+    t, x, v, a = sines(5, 20, 2.0, 0.05)
+    theta = np.pi / 4 + np.hstack([x, 0 * x])  # joint 2 stands still
+    a1, a2, _, a4, _ = ALPHA
+    half_sin, half_cos = 0.5 * np.sin(theta[:, 0] - theta[:, 1]), 0.5 * np.cos(theta[:, 0] - theta[:, 1])
+    tau = np.stack(
+        [a1 * a[:, 0] + a4 * v[:, 0], -a2 * (half_sin * a[:, 0] + half_cos * v[:, 0] ** 2)], axis=1
+    )
+    setup = replace(SETUP, encoder=None, accelerometer=None)
+    free = Trial("free_01", "free", "free", RobotLog(t, theta, tau))
+    robot = fit_study(Study("still", setup, (free,)), Options()).robot
+    assert isinstance(robot, RobotFit)
+    assert robot.estimate.names == ("alpha1", "alpha2", "alpha4")  # nothing is said of alpha3 and alpha5
+    assert robot.estimate.value == pytest.approx([a1, a2, a4], rel=2e-3)
+    assert robot.parameters.unseen is not None
+    loaded = Trial("spring_01", "mass-spring", "spring", RobotLog(t, theta + np.hstack([0 * x, x]), tau))
+    with pytest.raises(UndeterminedError, match="moves every joint"):
+        fit_study(Study("still", setup, (free, loaded)), Options())

@@ -1,0 +1,81 @@
+"""What rows can show when they do not determine every parameter: the combinations that they do (QR).
+
+With the design's columns split into independent ones W1 and the rest W2 = W1 X, the rows show p1 + X p2 and
+say nothing of p2 alone. Reported are those combinations, by name; no number is made up for the parts.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import linalg
+
+from impid_host.errors import UndeterminedError
+from impid_host.impedance.linear import Stretch
+from impid_host.signals.arrays import Floats
+
+# Columns nearer to each other than this are the same to the regression, whose condition limit is 1e7.
+_TOLERANCE = 1e-6
+_NEGLIGIBLE = 1e-4
+
+
+@dataclass(frozen=True, slots=True)
+class Combinations:
+    """The r combinations that the rows determine, of p parameters.
+
+    Attributes:
+        kept: columns that carry them, (r,).
+        labels: of the combinations, r.
+        unseen: directions in parameter space that move nothing in these rows, (p, p - r).
+    """
+
+    kept: tuple[int, ...]
+    labels: tuple[str, ...]
+    unseen: Floats
+
+    def cut(self, stretch: Stretch) -> Stretch:
+        """The stretch with the kept columns alone."""
+        return Stretch(stretch.design[:, :, list(self.kept)], stretch.target, stretch.nuisance)
+
+
+def combinations(stretches: Sequence[Stretch], names: Sequence[str]) -> Combinations:
+    """Find them; earlier parameters are kept in preference.
+
+    Raises:
+        UndeterminedError: the rows show nothing at all.
+    """
+    W = np.concatenate([stretch.design.reshape(-1, len(names)) for stretch in stretches])
+    size = np.linalg.norm(W, axis=0)
+    alive = np.flatnonzero(size > _TOLERANCE * size.max()) if size.max() > 0 else np.zeros(0, dtype=int)
+    if len(alive) == 0:
+        raise UndeterminedError("nothing moves in these trials")
+    R = linalg.qr(W[:, alive] / size[alive], mode="r")[0]
+    independent = np.abs(np.diag(R[: len(alive)])) > _TOLERANCE
+    kept = alive[independent]
+    rest = np.setdiff1d(np.arange(len(names)), kept)
+    # A column that is nothing but rounding belongs to no combination.
+    moving = np.where(np.isin(rest, alive), 1.0, 0.0)
+    scaled = np.linalg.lstsq(W[:, kept] / size[kept], W[:, rest] * moving, rcond=None)[0]
+    X = scaled / size[kept][:, None]
+    unseen = np.zeros((len(names), len(rest)))
+    unseen[kept] = -X
+    unseen[rest] = np.eye(len(rest))
+    strength = np.abs(scaled) / np.maximum(size[rest], 1e-300)
+    labels = tuple(_label(names, int(column), X[row], strength[row], rest) for row, column in enumerate(kept))
+    return Combinations(tuple(int(c) for c in kept), labels, unseen)
+
+
+def needs_unseen(slope: Floats, unseen: Floats) -> bool:
+    """True where rows with regressor `slope` (N, c, p) feel the unseen directions (p, k)."""
+    reach = np.sqrt(np.mean((slope @ unseen) ** 2, axis=(0, 1)))
+    whole = np.sqrt(np.mean(slope**2, axis=(0, 1))) @ np.abs(unseen)
+    return bool(np.any(reach > _NEGLIGIBLE * np.maximum(whole, 1e-300)))
+
+
+def _label(names: Sequence[str], column: int, X: Floats, strength: Floats, rest: np.ndarray) -> str:
+    terms = [
+        f"{'+' if factor > 0 else '-'} {abs(factor):.4g}*{names[other]}"
+        for factor, part, other in zip(X, strength, rest, strict=True)
+        if part > _NEGLIGIBLE
+    ]
+    return " ".join([names[column], *terms])
