@@ -2,8 +2,8 @@
 
     python bench/cutoff.py [STUDIES] [--markdown FILE]
 
-Studies as in bench/coverage.py (white noise), times 1, 5 and 25 in the accelerometer; prints bias and rms error
-in % of the true value, worst of the inertias and of the stiffnesses, by Method 1.
+Studies as in bench/coverage.py (white noise), times 1, 5 and 25 in the accelerometer; prints bias and rms
+error in % of the true value, worst of alpha1 to alpha3 and of m, kxx, kyy, by Method 1.
 """
 
 import sys
