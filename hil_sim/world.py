@@ -24,6 +24,7 @@ Array = NDArray[np.float64]
 CONVERSIONS = 8  # IMPID_ADC_PER_TICK
 TICK_US = 1000  # of the board
 CONVERSION_US = TICK_US // CONVERSIONS
+SETTLE_TICKS = 2000
 
 
 @dataclass(frozen=True)
@@ -129,7 +130,12 @@ class World:
         self._from = 0
         self._q = q[None, :].copy()
         self._w = np.zeros((1, 2))
-        self._filtered = self._filter.rest(q)[None]
+        if truth.plant.effects is not None:
+            # Springs and gravity are held in balance before the trial, not from its first instant on.
+            held = self._plant.settle(self._course.ticks(0, 1)[0] * [1.0, 1.0, 0.0, 0.0], SETTLE_TICKS)
+            self._q, self._w = held.q[-1:].copy(), held.w[-1:].copy()
+            self._log.held_before(held)
+        self._filtered = self._filter.rest(self._q[0])[None]
         self._drive = np.zeros((0, 2))
 
     @property

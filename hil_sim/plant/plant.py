@@ -153,6 +153,13 @@ class Plant:
         load.history = self._history
         load.history_rows = history.shape[0]
 
+    def settle(self, row: Array, ticks: int) -> Motion:
+        """Holds one row of the reference for so long before time zero, as before a trial."""
+        self._plant.effects.time_s = -ticks * SUBSTEPS * self._plant.step_s
+        motion = self.run(np.tile(row, (ticks, 1)))
+        self._plant.effects.time_s = 0.0
+        return motion
+
     def set_speed(self, w: Array) -> None:
         """Sets the joint speeds, shape (2,), rad/s: a start from motion instead of rest."""
         self._plant.w = [float(w[0]), float(w[1])]

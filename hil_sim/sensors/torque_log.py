@@ -126,6 +126,12 @@ class TorqueLog:
         self._count = np.zeros((back, 2), dtype=np.int32)
         self._command = np.zeros((back, 2))
 
+    def held_before(self, motion: Motion) -> None:
+        """What was held before the trial; without it the log takes it that nothing exerted any torque."""
+        self._torque[:] = motion.torque[-1]
+        self._force[:] = motion.force[-1]
+        self._count[:] = motion.count[-1]
+
     @property
     def complete(self) -> bool:
         """All rows of the trial have come out."""

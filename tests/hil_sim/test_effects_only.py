@@ -132,3 +132,12 @@ def test_several_effects_add_up(without):
     assert np.array_equal(both["adc"], columns(catalogue.apply(clean("free_01"), (one,)))["adc"])
     assert np.array_equal(both["tau"], columns(catalogue.apply(clean("free_01"), (other,)))["tau"])
     assert np.array_equal(both["tau"][:, 0], without["free_01"]["tau"][:, 0])
+
+
+def test_a_trial_begins_in_balance():
+    """The drive held the spring before the trial: the first row of the log already shows its torque."""
+    values = {"stiffness": 2.0, "rest_rad": 0.5}
+    found = columns(catalogue.apply(clean("free_01"), (catalogue.entry("elastic.joint", (), (), values),)))
+    first = found["tau"][:20, 0]
+    assert first == pytest.approx(2.0 * (found["theta"][0, 0] - 0.5), abs=0.06)
+    assert np.ptp(found["theta"][:20, 0]) < 1e-4
