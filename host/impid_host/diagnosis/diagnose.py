@@ -4,7 +4,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy import stats
 
 from impid_host.diagnosis import proof
 from impid_host.diagnosis.base import Base, base_of
@@ -12,25 +11,23 @@ from impid_host.diagnosis.bursts import Burst, are_pushes, bursts, without_burst
 from impid_host.diagnosis.choice import (
     Table,
     is_known,
-    p_value,
     pruned,
-    ranking,
-    score_of,
     supported,
     table_of,
 )
-from impid_host.diagnosis.evidence import base_directions, gain, projected, solve
+from impid_host.diagnosis.evidence import base_directions, solve
+from impid_host.diagnosis.findings import findings_of
 from impid_host.diagnosis.holdout import Holdout, hold_out
 from impid_host.diagnosis.leftover import structures, unmasked
 from impid_host.diagnosis.lines import spectral_lines
 from impid_host.diagnosis.oddities import Oddity
 from impid_host.diagnosis.prepare import setting_of, views
-from impid_host.diagnosis.result import Chosen, Diagnosis, Finding, Number, Rival, Stage, Structure, as_array
+from impid_host.diagnosis.result import Chosen, Diagnosis, Finding, Stage, Structure
 from impid_host.diagnosis.rows import Run, Slot, Taps, build_runs, slots_of
 from impid_host.diagnosis.smooth import smooth_candidates
 from impid_host.diagnosis.ties import ties
 from impid_host.diagnosis.whiten import noise_models, whitened
-from impid_host.effects.catalogue import CATALOGUE, candidates
+from impid_host.effects.catalogue import candidates
 from impid_host.effects.view import View
 from impid_host.errors import UndeterminedError
 from impid_host.robot.model import robot_model
@@ -76,7 +73,7 @@ def diagnose(study: Study, progress: Progress = _silent) -> Diagnosis:
         progress("choosing again without what stands out", 0.75)
         case, active, curves = chosen_twice(prepare(study, pushed=pushed))
     table = case.table
-    findings = _findings(case, active)
+    findings = findings_of(case.table, active, prismatic=case.base.model.name == "slide-1d")
     progress("judging on held-out data", 0.85)
     stages = _stages(study, case, findings)
     left = structures(table, active, curves, case.views) + spectral_lines(
@@ -279,125 +276,6 @@ def saturated(base: Base, slots: Sequence[Slot], rows: int) -> list[int]:
         if len(columns) < rows / 5:
             break
     return columns
-
-
-def _findings(case: Case, active: Sequence[int]) -> list[Finding]:
-    table = case.table
-    beta, rss = solve(table.G, table.columns(active))
-    columns = np.array(table.columns(active), dtype=int) + 1
-    covariance = np.linalg.pinv(table.G[np.ix_(columns, columns)]) * rss / max(table.rows - len(columns), 1)
-    findings: list[Finding] = []
-    first = 0
-    for order, s in enumerate(active):
-        slot = table.slots[s]
-        size = slot.candidate.size
-        own = slice(first, first + size)
-        chosen = Chosen(slot.candidate, slot.shape, beta[own], covariance[own, own])
-        share, rival = _share(table, active, order)
-        findings.append(
-            Finding(
-                effect=slot.candidate.effect,
-                where=slot.candidate.where,
-                parts=(chosen,),
-                parameters=parameters_of(chosen, prismatic=case.base.model.name == "slide-1d"),
-                share_of_residual=share,
-                p_value=p_value(table, [a for a in active if a != s], s),
-                runner_up=rival,
-            )
-        )
-        first += size
-    return merged(findings)
-
-
-def _share(table: Table, active: Sequence[int], order: int) -> tuple[float, Rival | None]:
-    before = list(active[:order])
-    s = active[order]
-    P = projected(table.G, table.columns(before))
-    excess = max(P[0, 0] - table.rows, 1.0)
-    drop = gain(P, table.G, table.slots[s].columns)
-    own = table.slots[s].candidate
-    rival = next(
-        (
-            (score, other)
-            for score, other in ranking(table, before)
-            if (table.slots[other].candidate.effect, table.slots[other].candidate.where)
-            != (own.effect, own.where)
-            and not _idle(table, before, s, other)
-        ),
-        None,
-    )
-    share = float(np.clip(drop / max(excess, drop), 0, 1))
-    if rival is None:
-        return share, None
-    other = table.slots[rival[1]]
-    theirs = gain(P, table.G, other.columns)
-    margin = float((drop - theirs) / max(excess, drop))
-    return share, Rival(other.candidate.effect, other.candidate.where, margin)
-
-
-def _idle(table: Table, before: Sequence[int], s: int, other: int) -> bool:
-    """Whether the other explains what the slot does by having it among more parameters."""
-    more = table.slots[other].candidate.size - table.slots[s].candidate.size
-    return more > 0 and score_of(table, before, other) < score_of(table, before, s)
-
-
-def parameters_of(chosen: Chosen, *, prismatic: bool = False) -> dict[str, Number]:
-    """Reported parameters with intervals by linear propagation; on a slide N and m stand for N m and rad."""
-    effect = CATALOGUE[chosen.candidate.effect]
-    value = chosen.candidate.read(chosen.beta, chosen.shape)
-    sd = np.sqrt(np.maximum(np.diag(chosen.covariance), 0))
-    result = {}
-    for name, own in value.items():
-        center = as_array(own)
-        variance = np.zeros_like(center)
-        slopes = []
-        for k in range(len(chosen.beta)):
-            step = np.zeros_like(chosen.beta)
-            step[k] = max(1e-3 * sd[k], 1e-9 * abs(chosen.beta[k]), 1e-15)
-            slopes.append(
-                (as_array(chosen.candidate.read(chosen.beta + step, chosen.shape)[name]) - center) / step[k]
-            )
-        for i in range(len(slopes)):
-            for j in range(len(slopes)):
-                variance = variance + slopes[i] * slopes[j] * chosen.covariance[i, j]
-        half = stats.norm.ppf(0.975) * np.sqrt(np.maximum(variance, 0))
-        unit = effect.unit(name)
-        if prismatic:
-            unit = unit.replace("N*m", "N").replace("rad", "m")
-        result[name] = Number(center, np.stack([center - half, center + half], axis=-1), unit)
-    return result
-
-
-def merged(findings: Sequence[Finding]) -> list[Finding]:
-    """One entry for an effect found on several joints or axes, with a value for each."""
-    result: list[Finding] = []
-    for finding in findings:
-        place = next((k for k, other in enumerate(result) if other.effect == finding.effect), None)
-        if place is None or not _mergeable(result[place], finding):
-            result.append(finding)
-            continue
-        parts = sorted((*result[place].parts, *finding.parts), key=lambda part: part.candidate.where)
-        values = [parameters_of(part) for part in parts]
-        result[place] = replace(
-            result[place],
-            where=tuple(name for part in parts for name in part.candidate.where),
-            parts=tuple(parts),
-            parameters={
-                name: Number(
-                    np.stack([v[name].value for v in values]),
-                    np.stack([v[name].ci95 for v in values]),
-                    values[0][name].unit,
-                )
-                for name in values[0]
-            },
-            share_of_residual=min(1.0, result[place].share_of_residual + finding.share_of_residual),
-            p_value=max(result[place].p_value, finding.p_value),
-        )
-    return result
-
-
-def _mergeable(one: Finding, other: Finding) -> bool:
-    return not set(one.where) & set(other.where) and set(one.parameters) == set(other.parameters)
 
 
 def _stages(study: Study, case: Case, findings: Sequence[Finding]) -> tuple[Stage, ...]:

@@ -1,0 +1,131 @@
+"""From chosen slots to what is reported of them: parameters with intervals, evidence, runner-up."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from scipy import stats
+
+from impid_host.diagnosis.choice import Table, p_value, ranking, score_of
+from impid_host.diagnosis.evidence import gain, projected, solve
+from impid_host.diagnosis.result import Chosen, Finding, Number, Rival, as_array
+from impid_host.effects.catalogue import CATALOGUE
+
+
+def findings_of(table: Table, active: Sequence[int], *, prismatic: bool) -> list[Finding]:
+    """The chosen slots with parameters, evidence and runner-up."""
+    beta, rss = solve(table.G, table.columns(active))
+    columns = np.array(table.columns(active), dtype=int) + 1
+    covariance = np.linalg.pinv(table.G[np.ix_(columns, columns)]) * rss / max(table.rows - len(columns), 1)
+    findings: list[Finding] = []
+    first = 0
+    for order, s in enumerate(active):
+        slot = table.slots[s]
+        size = slot.candidate.size
+        own = slice(first, first + size)
+        chosen = Chosen(slot.candidate, slot.shape, beta[own], covariance[own, own])
+        share, rival = _share(table, active, order)
+        findings.append(
+            Finding(
+                effect=slot.candidate.effect,
+                where=slot.candidate.where,
+                parts=(chosen,),
+                parameters=parameters_of(chosen, prismatic=prismatic),
+                share_of_residual=share,
+                p_value=p_value(table, [a for a in active if a != s], s),
+                runner_up=rival,
+            )
+        )
+        first += size
+    return merged(findings)
+
+
+def _share(table: Table, active: Sequence[int], order: int) -> tuple[float, Rival | None]:
+    before = list(active[:order])
+    s = active[order]
+    P = projected(table.G, table.columns(before))
+    excess = max(P[0, 0] - table.rows, 1.0)
+    drop = gain(P, table.G, table.slots[s].columns)
+    own = table.slots[s].candidate
+    rival = next(
+        (
+            (score, other)
+            for score, other in ranking(table, before)
+            if (table.slots[other].candidate.effect, table.slots[other].candidate.where)
+            != (own.effect, own.where)
+            and not _idle(table, before, s, other)
+        ),
+        None,
+    )
+    share = float(np.clip(drop / max(excess, drop), 0, 1))
+    if rival is None:
+        return share, None
+    other = table.slots[rival[1]]
+    theirs = gain(P, table.G, other.columns)
+    margin = float((drop - theirs) / max(excess, drop))
+    return share, Rival(other.candidate.effect, other.candidate.where, margin)
+
+
+def _idle(table: Table, before: Sequence[int], s: int, other: int) -> bool:
+    """Whether the other explains what the slot does by having it among more parameters."""
+    more = table.slots[other].candidate.size - table.slots[s].candidate.size
+    return more > 0 and score_of(table, before, other) < score_of(table, before, s)
+
+
+def parameters_of(chosen: Chosen, *, prismatic: bool = False) -> dict[str, Number]:
+    """Reported parameters with intervals by linear propagation; on a slide N and m stand for N m and rad."""
+    effect = CATALOGUE[chosen.candidate.effect]
+    value = chosen.candidate.read(chosen.beta, chosen.shape)
+    sd = np.sqrt(np.maximum(np.diag(chosen.covariance), 0))
+    result = {}
+    for name, own in value.items():
+        center = as_array(own)
+        variance = np.zeros_like(center)
+        slopes = []
+        for k in range(len(chosen.beta)):
+            step = np.zeros_like(chosen.beta)
+            step[k] = max(1e-3 * sd[k], 1e-9 * abs(chosen.beta[k]), 1e-15)
+            slopes.append(
+                (as_array(chosen.candidate.read(chosen.beta + step, chosen.shape)[name]) - center) / step[k]
+            )
+        for i in range(len(slopes)):
+            for j in range(len(slopes)):
+                variance = variance + slopes[i] * slopes[j] * chosen.covariance[i, j]
+        half = stats.norm.ppf(0.975) * np.sqrt(np.maximum(variance, 0))
+        unit = effect.unit(name)
+        if prismatic:
+            unit = unit.replace("N*m", "N").replace("rad", "m")
+        result[name] = Number(center, np.stack([center - half, center + half], axis=-1), unit)
+    return result
+
+
+def merged(findings: Sequence[Finding]) -> list[Finding]:
+    """One entry for an effect found on several joints or axes, with a value for each."""
+    result: list[Finding] = []
+    for finding in findings:
+        place = next((k for k, other in enumerate(result) if other.effect == finding.effect), None)
+        if place is None or not _mergeable(result[place], finding):
+            result.append(finding)
+            continue
+        parts = sorted((*result[place].parts, *finding.parts), key=lambda part: part.candidate.where)
+        values = [parameters_of(part) for part in parts]
+        result[place] = replace(
+            result[place],
+            where=tuple(name for part in parts for name in part.candidate.where),
+            parts=tuple(parts),
+            parameters={
+                name: Number(
+                    np.stack([v[name].value for v in values]),
+                    np.stack([v[name].ci95 for v in values]),
+                    values[0][name].unit,
+                )
+                for name in values[0]
+            },
+            share_of_residual=min(1.0, result[place].share_of_residual + finding.share_of_residual),
+            p_value=max(result[place].p_value, finding.p_value),
+        )
+    return result
+
+
+def _mergeable(one: Finding, other: Finding) -> bool:
+    return not set(one.where) & set(other.where) and set(one.parameters) == set(other.parameters)
