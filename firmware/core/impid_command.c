@@ -1,5 +1,7 @@
 #include "impid_command.h"
 
+#include "impid_output.h"
+
 /* Settings and log words have items of their own in the message set, so that an item means one thing. */
 #define FIRST_SETTING  IMPID_MESSAGES_COMMAND_ITEM_BOOT_COUNT_CHOICE
 #define FIRST_LOG_WORD IMPID_MESSAGES_COMMAND_ITEM_FAULT_COUNT_CHOICE
@@ -85,7 +87,7 @@ static answer_t stop(impid_core_t *core, impid_carrier_t carrier) {
     }
     if (was_active) {
         /* What was sampled before the command arrives before its answer. */
-        impid_core_drain(core);
+        impid_output_drain(core);
         impid_stream_leave(&core->stream, carrier, core->links, core->port);
     }
     return ok(core->sampler.produced);
@@ -174,7 +176,7 @@ static void respond(impid_core_t *core, impid_carrier_t carrier,
                     const struct impid_messages_response_t *response) {
     uint8_t record[IMPID_MESSAGES_RESPONSE_LENGTH];
     (void)impid_messages_response_pack(record, response, sizeof record);
-    impid_core_send_record(core, carrier, IMPID_MESSAGES_BATCH_KIND_RESPONSE_CHOICE, record);
+    impid_output_record(core, carrier, IMPID_MESSAGES_BATCH_KIND_RESPONSE_CHOICE, record);
 }
 
 static void pong(impid_core_t *core, impid_carrier_t carrier, uint16_t request_id, uint32_t t_us) {
@@ -186,7 +188,7 @@ static void pong(impid_core_t *core, impid_carrier_t carrier, uint16_t request_i
         .request_id = request_id, .hold_us = hold < UINT16_MAX ? (uint16_t)hold : UINT16_MAX, .t2_us = t_us};
     uint8_t record[IMPID_MESSAGES_PONG_LENGTH];
     (void)impid_messages_pong_pack(record, &answer, sizeof record);
-    impid_core_send_record(core, carrier, IMPID_MESSAGES_BATCH_KIND_PONG_CHOICE, record);
+    impid_output_record(core, carrier, IMPID_MESSAGES_BATCH_KIND_PONG_CHOICE, record);
 }
 
 void impid_command_execute(impid_core_t *core, impid_carrier_t carrier,
@@ -196,7 +198,7 @@ void impid_command_execute(impid_core_t *core, impid_carrier_t carrier,
         pong(core, carrier, command->request_id, t_us);
         return;
     }
-    uint64_t now_us = impid_timebase_extend(&core->timebase, core->port->now_us(core->port->context));
+    uint64_t now_us = impid_output_now_us(core);
     const struct impid_messages_response_t *earlier =
         impid_replies_find(&core->replies, carrier, command, now_us);
     if (earlier != NULL) {
@@ -216,7 +218,7 @@ void impid_command_execute(impid_core_t *core, impid_carrier_t carrier,
     }
     core->accepted++;
     if (command->opcode == IMPID_MESSAGES_COMMAND_OPCODE_STATUS_CHOICE) {
-        impid_core_send_status(core, carrier);
+        impid_output_status(core, carrier);
     } else if (command->opcode == IMPID_MESSAGES_COMMAND_OPCODE_RESET_CHOICE) {
         core->port->request_reset(core->port->context);
     }

@@ -10,7 +10,7 @@
 #ifndef IMPID_COMMAND_H
 #define IMPID_COMMAND_H
 
-#include "impid_core.h"
+#include "impid_state.h"
 
 /* t_us: the counter when the command arrived. */
 void impid_command_execute(impid_core_t *core, impid_carrier_t carrier,

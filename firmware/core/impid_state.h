@@ -1,0 +1,51 @@
+/* Everything that the core remembers, in one struct: what its parts are and who may touch them.
+ *
+ * Data flow: none of its own; impid_output, impid_command and impid_core, in this order, work on it.
+ * Ownership: the caller of impid_core_init. Timing: the sampler is shared with the interrupt under its own
+ * contract, all else belongs to the main loop. Can fail: no.
+ */
+#ifndef IMPID_STATE_H
+#define IMPID_STATE_H
+
+#include "impid_frame.h"
+#include "impid_link.h"
+#include "impid_port.h"
+#include "impid_replies.h"
+#include "impid_sampler.h"
+#include "impid_selftest.h"
+#include "impid_settings.h"
+#include "impid_stream.h"
+#include "impid_timebase.h"
+
+#define IMPID_FIRMWARE_VERSION 0x000100u /* major << 16 | minor << 8 | patch */
+
+typedef struct {
+    uint32_t uid[3];
+    uint16_t boot_id;           /* differs from that of the boot before */
+    uint8_t reset_cause;        /* as STATUS_HEALTH.reset_cause */
+    uint8_t clock_source;       /* as STATUS_HEALTH.clock_source */
+    uint16_t vref_mV;           /* converter reference, which is the accelerometer's supply */
+    uint32_t first_index;       /* index of the first sample after START */
+    uint64_t boot_us;           /* the board's time at init; its low half is the port's counter */
+    impid_settings_t *settings; /* NULL: this board keeps none, and knows no GET, SET, SAVE */
+    const uint32_t *log;        /* the last fault record, NULL: none is kept, and LOG is not known */
+    uint8_t log_words;
+} impid_core_config_t;
+
+typedef struct {
+    impid_sampler_t sampler; /* shared with the interrupt, under the sampler's contract */
+    /* All below belongs to the main loop. */
+    impid_core_config_t config;
+    const impid_port_t *port;
+    impid_timebase_t timebase;
+    impid_stream_t stream;
+    impid_selftest_t selftest;
+    impid_frame_parser_t parser;
+    impid_replies_t replies;
+    impid_link_t links[IMPID_CARRIERS];
+    uint32_t accepted;     /* commands carried out */
+    uint32_t rejected;     /* frames and commands that made no sense, apart from the parser's */
+    uint64_t status_at_us; /* when the next periodic STATUS is due */
+} impid_core_t;
+
+#endif
