@@ -9,6 +9,7 @@ from impid_host.signals.chain import DEFAULT
 from scipy import signal
 
 TRUE = np.array([0.8, -12.0, 300.0])
+RATE = 250.0
 NAMES, UNITS = ("m", "b", "k"), ("kg", "N*s/m", "N/m")
 
 
@@ -24,26 +25,26 @@ def motion(rng: np.random.Generator, count: int, rate: float) -> np.ndarray:
 
 
 def coloured(rng: np.random.Generator, count: int, kind: str) -> np.ndarray:
-    """Noise of two channels, (N, 2), correlated between channels, at 1 kHz."""
+    """Noise of two channels, (N, 2), correlated between channels."""
     white = rng.normal(0, 1, (count + 4000, 2)) @ np.array([[1.0, 0.4], [0.0, 0.8]])
     if kind == "white":
         return white[4000:]
-    pole = np.exp(-2 * np.pi * {"slow": 0.3, "medium": 1.5}[kind] / 1000)
+    pole = np.exp(-2 * np.pi * {"slow": 0.3, "medium": 1.5}[kind] / RATE)
     return signal.lfilter([1.0], [1.0, -pole], white, axis=0)[4000:]
 
 
 def studies(kind: str, ar_order: int, count: int) -> list[Estimate]:
-    """Trials of 30 s at 1 kHz through the default chain's low-pass and decimation, as `fit` does it."""
+    """Trials of 30 s at 250 Hz through the default chain's low-pass and decimation, as `fit` does it."""
     estimates = []
-    step = DEFAULT.decimation(1000.0)
+    step, count_of_rows = DEFAULT.decimation(RATE), int(30 * RATE)
     for seed in range(count):
         rng = np.random.default_rng(seed)
         stretches = []
         for _ in range(2):
-            design = motion(rng, 30_000, 1000.0)
-            target = finish(DEFAULT, design @ TRUE + coloured(rng, 30_000, kind), 1000.0)
-            rows = slice(1000, -1000, step)
-            stretches.append(Stretch(finish(DEFAULT, design, 1000.0)[rows], target[rows]))
+            design = motion(rng, count_of_rows, RATE)
+            target = finish(DEFAULT, design @ TRUE + coloured(rng, count_of_rows, kind), RATE)
+            rows = slice(250, -250, step)
+            stretches.append(Stretch(finish(DEFAULT, design, RATE)[rows], target[rows]))
         estimates.append(fit_linear(stretches, NAMES, UNITS, ar_order=ar_order))
     return estimates
 
