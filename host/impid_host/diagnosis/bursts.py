@@ -9,9 +9,10 @@ from impid_host.diagnosis.rows import Run
 from impid_host.effects.view import View
 
 _BLOCK_S = 1.0
-_RATIO = 4.5  # of a block's mean squared innovation to the median of its trial's
+_RATIO = 5.0  # of a block's mean squared innovation to the median of its trial's
 _MOST = 0.15  # of all blocks: more is no burst
 _MARGIN_S = 1.0
+_LEAST_ROWS = 15  # of a channel: the mean of fewer squares strays too far
 _FEW = 0.04  # so few blocks are a push; more may be noise that comes and goes
 
 
@@ -46,7 +47,7 @@ def bursts(runs: Sequence[Run], columns: int) -> list[Burst]:
     for run in own:
         r2 = (run.target - run.design[:, :columns] @ beta) ** 2
         block = ((run.begin_s + run.step_s * np.arange(len(r2))) // _BLOCK_S).astype(int)
-        for number in np.unique(block):
+        for number in np.flatnonzero(np.bincount(block) >= _LEAST_ROWS):
             squares.setdefault(run.trial, {}).setdefault(int(number), []).append(
                 float(np.mean(r2[block == number]))
             )
