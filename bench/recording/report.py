@@ -1,4 +1,3 @@
-# ruff: noqa: E501  (sentences of the report)
 """Writes docs/validation/recording.md from the figures that the other parts left behind."""
 
 import json

@@ -94,7 +94,7 @@ def fit_clock(
     keep and a few chance delays at the start of a recording do not.
 
     Raises:
-        UndeterminedError: fewer than three exchanges, or exchanges that no clock within the bound can have made.
+        UndeterminedError: fewer than three exchanges, or exchanges no clock within the bound can have made.
     """
     if len(exchanges) < _FEWEST:
         raise UndeterminedError(

@@ -125,7 +125,7 @@ def test_two_exchanges_do_not_determine_a_clock() -> None:
 
 
 def test_the_quickest_fifth_and_no_other_exchange_carries_the_fit() -> None:
-    """Twenty of a hundred are symmetric; the rest take 2 us longer and are wrong by as much as they can be."""
+    """Twenty of a hundred are symmetric; the rest take 2 us longer and are wrong by as much as can be."""
     quick = [exchange(1e5 * n, 150, 150, line(0, 5000)) for n in range(0, 100, 5)]
     slow = [exchange(1e5 * n, 302, 0, line(0, 5000)) for n in range(100) if n % 5]
     fit = fit_clock(sorted(quick + slow, key=lambda e: e.t1_ns))

@@ -45,6 +45,10 @@ if configs:
     options = " ".join(f"-f {config}" for config in configs)
     env.Replace(UPLOADCMD=f'openocd {options} -c "program {{$SOURCE}} verify reset exit"')
     env.AddPlatformTarget(
-        "upload", program, env.VerboseAction("$UPLOADCMD", "Flashing $SOURCE"), "Upload", "Flash through OpenOCD"
+        "upload",
+        program,
+        env.VerboseAction("$UPLOADCMD", "Flashing $SOURCE"),
+        "Upload",
+        "Flash through OpenOCD",
     )
 Default([program, "checkprogsize"] if board.get("build.ldscript", "") else program)
