@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
 # The main job on the simulator: record four trials over a pseudo-terminal, synchronise, identify, plot,
-# and hold the result against what the simulator knows. Everything it writes goes into demo-output/.
+# and hold the result against what the simulator knows; then find what another study hides. Everything it
+# writes goes into demo-output/.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
@@ -33,4 +34,13 @@ impid-host fit "$out/study" --json "$out/fit.json" --figures "$out/figures"
 
 say "the result against the simulator's truth"
 python scripts/demo_check.py "$out"
-echo "figures: $out/figures"
+
+say "diagnose: a study in which the simulator hides something from the host"
+impid-sim study hidden-friction --seed "$seed" --out "$out/hidden" --truth "$out/truth/hidden.json"
+impid-host diagnose "$out/hidden" --json "$out/diagnosis.json" --figures "$out/diagnosis"
+echo
+echo "what was hidden:"
+python scripts/demo_hidden.py "$out/truth/hidden.json" "$out/diagnosis.json"
+
+echo
+echo "figures: $out/figures, $out/diagnosis"
