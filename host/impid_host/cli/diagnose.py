@@ -13,6 +13,7 @@ from impid_host.diagnosis.result import Diagnosis
 from impid_host.diagnosis.saved import save_model as write_model
 from impid_host.report.diagnosis_json import diagnosis_json
 from impid_host.report.diagnosis_tables import effect_table, parameter_table, stage_table
+from impid_host.report.wide_console import table_console
 
 
 @click.command()
@@ -64,7 +65,7 @@ def command(study: Path, json_to: str | None, figures: Path | None, save_model: 
 
 def show(answer: Diagnosis) -> None:
     """Print the answer for people."""
-    console = Console()
+    console = table_console()
     console.print(stage_table(answer))
     if len(answer.stages) > 1:
         console.print(effect_table(answer))
