@@ -1,6 +1,6 @@
 """A diagnosis as tables to read in a terminal."""
 
-from rich.table import Table
+from rich.table import Column, Table
 
 from impid_host.diagnosis.result import Diagnosis, Number
 
@@ -8,15 +8,15 @@ from impid_host.diagnosis.result import Diagnosis, Number
 def stage_table(diagnosis: Diagnosis) -> Table:
     """Error on held-out data, stage by stage."""
     keys = list(diagnosis.stages[0].rms)
-    title = f"{diagnosis.study}: error on held-out data (N m, N)"
-    table = Table("model", *keys, title=title, title_justify="left")
+    title = f"{diagnosis.study}: rms (N m, N) and VAF on held-out data"
+    table = Table(Column("model", no_wrap=True), *keys, title=title, title_justify="left")
     for number, stage in enumerate(diagnosis.stages):
         name = (
             "papers' model"
             if stage.added is None
             else f"+ {stage.added.effect}@{'+'.join(stage.added.where)}"
         )
-        row = [f"{stage.rms[key]:.3g} ({stage.vaf[key]:.2f} %)" for key in keys]
+        row = [f"{stage.rms[key]:.3g}\n{stage.vaf[key]:.2f} %" for key in keys]
         table.add_row(name, *row, end_section=number == len(diagnosis.stages) - 1)
     table.add_row("noise floor", *(f"{diagnosis.floor[key]:.3g}" for key in keys))
     return table
