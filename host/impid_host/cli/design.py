@@ -89,6 +89,10 @@ def reference(
 
     The CSV has the columns t (s), and theta, omega, theta_dd of each joint (rad, rad/s, rad/s^2), and steady
     (0/1).
+
+    \b
+    Example:
+      impid-host design reference --setup study/setup.toml --out reference.csv
     """
     model = _model(setup_path, read_setup(setup_path))
     centre_deg = centre or (45.0,) * model.joints
@@ -172,6 +176,10 @@ def perturbation(
     """Force perturbations of low mutual coherence for a stochastic trial.
 
     The CSV has the columns t (s) and fdx, fdy, ... (N), as robot.csv logs them.
+
+    \b
+    Example:
+      impid-host design perturbation --rms 4 --out perturbation.csv
     """
     try:
         design = design_perturbation(
@@ -233,6 +241,10 @@ def multisine(
     """Periodic force perturbations that tell noise from nonlinear distortion.
 
     Writes force_r<realisation>_e<experiment>.csv with the columns t (s), fdx, fdy, ... (N) and steady (0/1).
+
+    \b
+    Example:
+      impid-host design multisine --rms 4 --out multisine/
     """
     design = design_force_multisines(
         rms,

@@ -51,7 +51,12 @@ def _board(port: str | None, can: str | None, baud: int | None) -> Iterator[Boar
 @link_options
 @click.option("--json", "as_json", is_flag=True, help="For programs.")
 def info(*, port: str | None, can: str | None, baud: int | None, as_json: bool) -> None:
-    """Who the board is, how it is, and what it keeps without power."""
+    """Who the board is, how it is, and what it keeps without power.
+
+    \b
+    Example:
+      impid-host device info --port /dev/ttyACM0
+    """
     with _board(port, can, baud) as client:
         board, status, settings = client.info(), client.status(), client.settings()
     if as_json:
@@ -75,7 +80,12 @@ def info(*, port: str | None, can: str | None, baud: int | None, as_json: bool) 
 @command.command("self-test")
 @link_options
 def self_test(*, port: str | None, can: str | None, baud: int | None) -> None:
-    """Drive the accelerometer's self-test input and judge its answer; fails if it fails."""
+    """Drive the accelerometer's self-test input and judge its answer; fails if it fails.
+
+    \b
+    Example:
+      impid-host device self-test --port auto
+    """
     with _board(port, can, baud) as client:
         outcome = _SELF_TEST.get(client.self_test(), "UNKNOWN")
         board = client.info()
@@ -92,7 +102,12 @@ def self_test(*, port: str | None, can: str | None, baud: int | None) -> None:
 @click.argument("item", metavar="ITEM", type=click.Choice(SETTINGS, case_sensitive=False))
 @click.argument("value", type=click.IntRange(0, 2**32 - 1))
 def set_(*, port: str | None, can: str | None, baud: int | None, item: str, value: int) -> None:
-    """Set one of the board's settings and save it."""
+    """Set one of the board's settings and save it.
+
+    \b
+    Example:
+      impid-host device set --port auto ENCODER_1_CPR 8192
+    """
     with _board(port, can, baud) as client:
         client.store({item: value})
     click.echo(f"{item} = {value}, saved")
@@ -101,7 +116,12 @@ def set_(*, port: str | None, can: str | None, baud: int | None, item: str, valu
 @command.command()
 @link_options
 def reset(*, port: str | None, can: str | None, baud: int | None) -> None:
-    """Restart the board, and wait until it answers again."""
+    """Restart the board, and wait until it answers again.
+
+    \b
+    Example:
+      impid-host device reset --can socketcan:can0
+    """
     with _board(port, can, baud) as client:
         before, after = client.restart()
     click.echo(f"boot {before} ended, boot {after} answers")
@@ -110,7 +130,12 @@ def reset(*, port: str | None, can: str | None, baud: int | None) -> None:
 @command.command()
 @link_options
 def log(*, port: str | None, can: str | None, baud: int | None) -> None:
-    """What the board remembers of its last fault."""
+    """What the board remembers of its last fault.
+
+    \b
+    Example:
+      impid-host device log --port auto
+    """
     with _board(port, can, baud) as client:
         record = client.fault_record()
     if not record:
@@ -163,7 +188,12 @@ def tumble(
     seconds: float,
     angles: str | None,
 ) -> None:
-    """By gravity: the board stands upright, at rest, in positions all round the circle."""
+    """By gravity: the board stands upright, at rest, in positions all round the circle.
+
+    \b
+    Example:
+      impid-host device calibrate tumble --port auto --out board.json --save
+    """
     known = _angles(angles)
     count = positions if known is None else len(known)
     _refuse_existing(out)
@@ -205,7 +235,12 @@ def in_place(
     file: Path,
     setup_file: Path,
 ) -> None:
-    """Where it is mounted: the acceleration of a recorded motion against that of the encoders."""
+    """Where it is mounted: the acceleration of a recorded motion against that of the encoders.
+
+    \b
+    Example:
+      impid-host device calibrate in-place free_01.mcap --setup rig.toml --out board.json
+    """
     if not save and (port, can, baud) != (None, None, None):
         raise click.UsageError("--port, --can and --baud are for --save")
     _refuse_existing(out)
