@@ -2,8 +2,9 @@
 
     python scripts/validate/measured_impedance.py [--data ../shared/data] [--out docs/validation]
 
-Data are found where IMPID_DATA points or beside the checkout (docs/data.md says where they come from). Nothing is
-tuned on what is reported: fits use the first part of each record, figures are of the rest.
+Data are found where IMPID_DATA points or beside the checkout (docs/data.md says where they come from). Fits use the
+first part of each record and figures are of the rest; but the ankle's lower band limit of 0.5 Hz was set after its
+records had been seen whole, so the page shows the figures without that limit as well.
 """
 
 import argparse
