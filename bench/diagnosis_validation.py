@@ -33,11 +33,11 @@ OUTSIDE = tuple(name for name in ROWS if name.startswith("outside."))
 def cases(first: int, studies: int, strengths: list[float]) -> list[tuple[int, float, tuple[str, ...]]]:
     """(seed, strength, effects) of every study, each with a seed of its own."""
     wanted: list[tuple[float, tuple[str, ...]]] = []
+    rng = np.random.default_rng(first)
     for _ in range(studies):
         wanted += [(strength, (name,)) for strength in strengths for name in KNOWN]
         wanted += [(strengths[-1], (name,)) for name in OUTSIDE]
         wanted += [(1.0, ())] * 10
-        rng = np.random.default_rng(first)
         for _ in range(5):
             wanted.append((strengths[len(strengths) // 2], tuple(rng.choice(KNOWN, 2, replace=False))))
     return [(first + k, strength, effects) for k, (strength, effects) in enumerate(wanted)]

@@ -59,7 +59,9 @@ class Base:
         if view.load is not None:
             load = dict(self.loads)[view.load]
             x0, K = equilibrium(load, value[self.slot(view.load)])
-        return replace(view, torque_model=self.columns(view)["torque"] @ value, x0=x0, K=K, respond=respond)
+        torque = self.columns(view)["torque"] @ value
+        robot = len(self.model.parameter_names)
+        return replace(view, torque_model=torque, x0=x0, K=K, respond=respond, alpha=value[:robot])
 
 
 def equilibrium(load: LoadModel, value: Floats) -> tuple[Floats, Floats]:

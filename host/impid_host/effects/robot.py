@@ -15,6 +15,7 @@ from impid_host.effects.effect import (
     on_joint,
 )
 from impid_host.effects.view import Columns, View, rate_of
+from impid_host.robot.planar_2r_absolute import Planar2RAbsolute
 from impid_host.signals.arrays import Floats
 
 
@@ -118,13 +119,28 @@ def _tilt(setting: Setting) -> Iterator[Candidate]:
             result["specific_force"] = felt
         return result
 
+    def links_by_alpha(view: View, _shape: float) -> Columns:
+        # The second link's first moment is alpha2 / (2 l1); the first link's is that of a mass at its end.
+        if view.alpha is None or not isinstance(view.model, Planar2RAbsolute):
+            return {}
+        result = {family: block[..., :2].copy() for family, block in columns(view, _shape).items()}
+        l1 = view.model.l1
+        moment = (view.alpha[0] / l1, view.alpha[1] / (2.0 * l1))
+        c, s = np.cos(view.theta), np.sin(view.theta)
+        result["torque"][:, 0] = moment[0] * np.stack([s[:, 0], -c[:, 0]], axis=1)
+        result["torque"][:, 1] = -moment[1] * np.stack([c[:, 1], s[:, 1]], axis=1)
+        return result
+
+    def read(beta: Floats, _shape: float) -> dict[str, float]:
+        return {"gx": float(beta[0]), "gy": float(beta[1])}
+
+    def gate(beta: Floats, _shape: float) -> bool:
+        return bool(np.hypot(beta[0], beta[1]) < 5.0)
+
+    yield Candidate("gravity.tilt", ("tip",), columns, read, size=6, gate=gate, variant="links too")
+    # A slight tilt pulls at the links by little: four free moments would cost more than they show.
     yield Candidate(
-        "gravity.tilt",
-        ("tip",),
-        columns,
-        lambda beta, _shape: {"gx": float(beta[0]), "gy": float(beta[1])},
-        size=6,
-        gate=lambda beta, _shape: bool(np.hypot(beta[0], beta[1]) < 5.0),
+        "gravity.tilt", ("tip",), links_by_alpha, read, size=2, gate=gate, variant="links by alpha"
     )
 
 

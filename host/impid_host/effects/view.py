@@ -37,7 +37,7 @@ class View:
         theta_robot: the controller's reading, (N, n); None without a second clock.
         force: physical sensor, load on the robot, N, (N, 2); None without one.
         torque_model: the present model's torque, (N, n); x0: the load's equilibrium by it, (d,);
-            K: its stiffness, (d, d).
+            K: its stiffness, (d, d); alpha: the robot's parameters by it, (p,).
         valid: instants that may be used, (N,).
         model: the robot's kinematics; respond: what the present model predicts of every family,
             (N, channels), were the motion that of the given view.
@@ -69,6 +69,7 @@ class View:
     valid: Mask
     model: RobotModel
     respond: "Callable[[View], Columns] | None" = None
+    alpha: Floats | None = None
 
     @property
     def joints(self) -> int:
