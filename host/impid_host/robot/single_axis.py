@@ -1,0 +1,35 @@
+"""What every robot of one axis shares: the axis is its own task coordinate, and nothing turns."""
+
+import numpy as np
+
+from impid_host.signals.arrays import Floats
+
+
+class SingleAxis:
+    """Inertia times acceleration plus viscous friction times velocity; N instants, SI units of the axis."""
+
+    __slots__ = ()
+
+    def regressor(self, theta: Floats, omega: Floats, theta_dd: Floats) -> Floats:  # noqa: ARG002
+        """Y (N, 1, 2)."""
+        return np.stack([theta_dd, omega], axis=2)
+
+    def position(self, theta: Floats) -> Floats:
+        """The axis is its own end-effector: (N, 1) -> (N, 1), rad or m."""
+        return theta
+
+    def jacobian(self, theta: Floats) -> Floats:
+        """(N, 1) -> (N, 1, 1), always 1."""
+        return np.ones((len(theta), 1, 1))
+
+    def jacobian_rate(self, theta: Floats, omega: Floats) -> Floats:  # noqa: ARG002
+        """(N, 1) -> (N, 1, 1), always 0."""
+        return np.zeros((len(theta), 1, 1))
+
+    def inertia(self, theta: Floats, parameters: Floats) -> Floats:
+        """(N, 1) -> (N, 1, 1), kg m^2 or kg."""
+        return np.full((len(theta), 1, 1), parameters[0])
+
+    def coriolis(self, theta: Floats, omega: Floats, parameters: Floats) -> Floats:  # noqa: ARG002
+        """(N, 1) -> (N, 1, 1), always 0."""
+        return np.zeros((len(theta), 1, 1))
