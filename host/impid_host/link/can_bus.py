@@ -5,8 +5,6 @@ that the group's stamp is the answer's.
 """
 
 import contextlib
-import queue
-import threading
 import time
 from collections.abc import Callable
 from typing import Any, Self
@@ -14,6 +12,7 @@ from typing import Any, Self
 import can
 
 from impid_host.errors import LinkError
+from impid_host.link.inbox import POLL_S, Inbox
 from impid_host.link.link import Chunk
 from impid_host.wire.can_frames import ERROR, EXTENDED, REMOTE, pack_frame, unpack_frames
 from impid_host.wire.carrier import CAN
@@ -21,7 +20,6 @@ from impid_host.wire.messages import PONG, RESPONSE
 
 DEFAULT_BITRATE = 1_000_000
 _ANSWERS = frozenset({PONG.frame_id, RESPONSE.frame_id})
-_POLL_S = 0.1
 _GROUP_S = 0.005
 _GROUP_FRAMES = 64
 _SEND_S = 0.2
@@ -39,10 +37,7 @@ class CanLink:
     def __init__(self, bus: can.BusABC, name: str) -> None:
         self.name = name
         self._bus = bus
-        self._queue: queue.SimpleQueue[Chunk | None] = queue.SimpleQueue()
-        self._closing = threading.Event()
-        self._reader = threading.Thread(target=self._read_on, name=f"read {name}", daemon=True)
-        self._reader.start()
+        self._inbox = Inbox(name, self._read_on, f"{name}: the CAN adapter is gone; check its cable")
 
     @classmethod
     def open(cls, address: str) -> Self:
@@ -102,19 +97,11 @@ class CanLink:
         Raises:
             LinkError: the adapter is gone and every frame that came before has been taken.
         """
-        try:
-            chunk = self._queue.get(timeout=timeout_s) if timeout_s > 0 else self._queue.get_nowait()
-        except queue.Empty:
-            return None
-        if chunk is None:
-            self._queue.put(None)
-            raise LinkError(f"{self.name}: the CAN adapter is gone; check its cable")
-        return chunk
+        return self._inbox.take(timeout_s)
 
     def close(self) -> None:
         """Stop reading and release the adapter; one that is gone already is no error."""
-        self._closing.set()
-        self._reader.join(timeout=5 * _POLL_S)
+        self._inbox.stop()
         with contextlib.suppress(can.CanError, OSError, ValueError):
             self._bus.shutdown()
 
@@ -124,16 +111,16 @@ class CanLink:
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    def _read_on(self) -> None:
+    def _read_on(self, inbox: Inbox) -> None:
         group: list[bytes] = []
         hand_on_ns, failures = 0, 0
-        while not self._closing.is_set() and failures < _FAILURES:
-            left_s = max(0.0, (hand_on_ns - time.monotonic_ns()) * 1e-9) if group else _POLL_S
+        while not inbox.closing.is_set() and failures < _FAILURES:
+            left_s = max(0.0, (hand_on_ns - time.monotonic_ns()) * 1e-9) if group else POLL_S
             try:
                 message = self._bus.recv(left_s)
             except (can.CanError, OSError, ValueError, IndexError, TypeError):
                 failures += 1
-                self._closing.wait(0.005)
+                inbox.closing.wait(0.005)
                 continue
             failures = 0
             now_ns = time.monotonic_ns()
@@ -142,11 +129,10 @@ class CanLink:
                 group.append(pack_frame(now_ns, *_content(message)))
             answered = message is not None and message.arbitration_id in _ANSWERS
             if group and (answered or now_ns >= hand_on_ns or len(group) >= _GROUP_FRAMES):
-                self._queue.put(Chunk(now_ns, time.time_ns(), b"".join(group)))
+                inbox.put(Chunk(now_ns, time.time_ns(), b"".join(group)))
                 group = []
         if group:
-            self._queue.put(Chunk.now(b"".join(group)))
-        self._queue.put(None)
+            inbox.put(Chunk.now(b"".join(group)))
 
 
 def parse_address(address: str) -> tuple[str, str | None, dict[str, Any]]:

@@ -8,21 +8,19 @@ honest.
 import contextlib
 import errno
 import os
-import queue
 import select
-import threading
 from typing import Self
 
 import serial
 from serial.tools import list_ports
 
 from impid_host.errors import LinkError
+from impid_host.link.inbox import POLL_S, Inbox
 from impid_host.link.link import Chunk
 from impid_host.wire.carrier import SERIAL
 from impid_host.wire.messages import SERIAL_BAUD
 
 _READ_BYTES = 65536
-_POLL_S = 0.1
 
 
 class SerialLink:
@@ -33,10 +31,9 @@ class SerialLink:
     def __init__(self, port: serial.Serial, name: str) -> None:
         self.name = name
         self._port = port
-        self._queue: queue.SimpleQueue[Chunk | None] = queue.SimpleQueue()
-        self._closing = threading.Event()
-        self._reader = threading.Thread(target=self._read_on, name=f"read {name}", daemon=True)
-        self._reader.start()
+        self._inbox = Inbox(
+            name, self._read_on, f"{name}: the port is gone; check the cable and the board's power"
+        )
 
     @classmethod
     def open(cls, url: str, baud: int = SERIAL_BAUD) -> Self:
@@ -46,7 +43,7 @@ class SerialLink:
             LinkError: there is no such port, it is in use, or the user may not open it.
         """
         try:
-            port = serial.serial_for_url(url, baudrate=baud, timeout=_POLL_S, do_not_open=True)
+            port = serial.serial_for_url(url, baudrate=baud, timeout=POLL_S, do_not_open=True)
             if "://" not in url:
                 port.exclusive = True
             port.open()
@@ -86,19 +83,11 @@ class SerialLink:
         Raises:
             LinkError: the port is gone and every chunk that came before has been taken.
         """
-        try:
-            chunk = self._queue.get(timeout=timeout_s) if timeout_s > 0 else self._queue.get_nowait()
-        except queue.Empty:
-            return None
-        if chunk is None:
-            self._queue.put(None)
-            raise LinkError(f"{self.name}: the port is gone; check the cable and the board's power")
-        return chunk
+        return self._inbox.take(timeout_s)
 
     def close(self) -> None:
         """Stop reading and release the port; a port that is gone already is no error."""
-        self._closing.set()
-        self._reader.join(timeout=5 * _POLL_S)
+        self._inbox.stop()
         with contextlib.suppress(OSError):
             self._port.close()
 
@@ -108,23 +97,22 @@ class SerialLink:
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    def _read_on(self) -> None:
+    def _read_on(self, inbox: Inbox) -> None:
         read = (
             self._read_descriptor if os.name == "posix" and hasattr(self._port, "fileno") else self._read_port
         )
         with contextlib.suppress(OSError, TypeError, ValueError):  # all three: a port closed while it is read
-            while not self._closing.is_set():
+            while not inbox.closing.is_set():
                 data = read()
                 if data is None:
                     break
                 if data:
-                    self._queue.put(Chunk.now(data))
-        self._queue.put(None)
+                    inbox.put(Chunk.now(data))
 
     def _read_descriptor(self) -> bytes | None:
         """What has come; b"" after a quiet while, None at the end (pyserial reads sockets byte by byte)."""
         descriptor = self._port.fileno()
-        ready, _, _ = select.select([descriptor], [], [], _POLL_S)
+        ready, _, _ = select.select([descriptor], [], [], POLL_S)
         return (os.read(descriptor, _READ_BYTES) or None) if ready else b""
 
     def _read_port(self) -> bytes | None:

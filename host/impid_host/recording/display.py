@@ -1,6 +1,7 @@
 """Shows a recording as it grows: a bar on a terminal, plain lines anywhere else."""
 
 import time
+from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from contextlib import contextmanager
 
@@ -27,7 +28,7 @@ def progress_display(console: Console, name: str, duration_s: float | None) -> "
         yield _Bar(bar, bar.add_task(name, total=duration_s, state="waiting for samples"))
 
 
-class _Display:
+class _Display(ABC):
     """Shows progress."""
 
     def __init__(self) -> None:
@@ -36,8 +37,8 @@ class _Display:
     def __call__(self, progress: Progress) -> None:
         self._show(progress, self._rate.of(progress.counts.stored))
 
-    def _show(self, progress: Progress, rate_hz: float) -> None:
-        raise NotImplementedError
+    @abstractmethod
+    def _show(self, progress: Progress, rate_hz: float) -> None: ...
 
 
 class _Bar(_Display):
