@@ -12,7 +12,7 @@ from hil_sim.plant.kinematics import joint_angles
 from hil_sim.plant.perturbation import RATE_HZ, random_perturbation
 from hil_sim.plant.plant import Load, PlantParameters
 from hil_sim.plant.reference import Course, ten_sinusoids
-from hil_sim.scenarios.schema import LoadTruth, Motion, NoiseTable, Scenario, Trial
+from hil_sim.scenarios.schema import LoadTruth, Motion, NoiseTable, Scenario, TorqueNoiseTable, Trial
 from hil_sim.seeds import generator
 from hil_sim.sensors.accelerometer import AccelerometerTruth
 from hil_sim.sensors.clock import Clock
@@ -153,7 +153,7 @@ def _course(scenario: Scenario, trial: Trial, load: Load, seed: int) -> Course:
     )
 
 
-def _noise(tables: tuple[NoiseTable, ...]) -> tuple[NoiseTruth, ...]:
+def _noise(tables: tuple[NoiseTable | TorqueNoiseTable, ...]) -> tuple[NoiseTruth, ...]:
     return tuple(NoiseTruth(table.kind, table.rms, table.corner_Hz) for table in tables)
 
 

@@ -4,7 +4,7 @@ import math
 from typing import Any
 
 from hil_sim.effects import catalogue
-from hil_sim.scenarios.schema import NoiseTable, Scenario, Trial
+from hil_sim.scenarios.schema import NoiseTable, Scenario, TorqueNoiseTable, Trial
 from hil_sim.sensors.accelerometer import STANDARD_GRAVITY
 from hil_sim.sensors.clock import Clock
 from hil_sim.trials import effects_in
@@ -86,8 +86,8 @@ def noise_json(scenario: Scenario) -> Json:
     }
 
 
-def _absolute(noise: NoiseTable) -> bool:
-    return noise.kind != "heteroscedastic"
+def _absolute(noise: NoiseTable | TorqueNoiseTable) -> bool:
+    return noise.kind in ("white", "ar", "pink")
 
 
 def _total(rms: list[tuple[float, float]]) -> tuple[float, float]:

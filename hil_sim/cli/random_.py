@@ -6,7 +6,7 @@ from pathlib import Path
 import click
 
 from hil_sim.cli.options import FILE, FOLDER, SEED
-from hil_sim.scenarios.random import FULL, SMALL, random_scenario
+from hil_sim.scenarios.random import FULL, NOISES, SMALL, random_scenario
 from hil_sim.study.write import write_study
 
 
@@ -20,11 +20,28 @@ from hil_sim.study.write import write_study
     show_default=True,
     help="Visible part of each effect over the noise floor, in the residual where it is clearest.",
 )
+@click.option(
+    "--noise",
+    type=click.Choice(NOISES),
+    default=NOISES[0],
+    show_default=True,
+    help="Of the logged torque: white and a little autoregressive, or one kind alone.",
+)
+@click.option(
+    "--force-sensor/--no-force-sensor", default=True, show_default=True, help="Whether the robot has one."
+)
 @click.option("--out", type=FOLDER, required=True, help="Study folder to write; absent or empty.")
 @click.option("--truth", "truth_file", type=FILE, help="Where to write what is hidden, outside the study.")
 @click.option("--small", is_flag=True, help="Two free and two loaded trials of 30 s.")
 def command(
-    seed: int, effects: tuple[str, ...], strength: float, out: Path, truth_file: Path | None, small: bool
+    seed: int,
+    effects: tuple[str, ...],
+    strength: float,
+    noise: str,
+    force_sensor: bool,
+    out: Path,
+    truth_file: Path | None,
+    small: bool,
 ) -> None:
     """Write the study of a random laboratory, in good order but for what is asked for.
 
@@ -33,7 +50,8 @@ def command(
       impid-sim random --seed 7 --out study --small
       impid-sim random --seed 7 --effect friction.coulomb@joint1 --strength 3 --out study --truth truth.json
     """
-    scenario, reached = random_scenario(seed, SMALL if small else FULL, effects, strength)
+    size = SMALL if small else FULL
+    scenario, reached = random_scenario(seed, size, effects, strength, noise=noise, force_sensor=force_sensor)
     write_study(scenario, out, seed, truth_file)
     if truth_file is not None:
         truth = json.loads(truth_file.read_text(encoding="utf-8"))

@@ -16,6 +16,7 @@ from hil_sim.trials import without_effects
 
 ALPHA = np.array([0.06929, 0.04217, 0.04416, 0.06510, 0.07389])  # [D] Table VI
 LENGTHS = (0.254, 0.2667)
+NOISES = ("mixed", "white", "ar", "pink", "speed")
 
 
 @dataclass(frozen=True)
@@ -33,7 +34,13 @@ SMALL = Size(free=2, loads=1, per_load=2, duration_s=30.0)
 
 
 def random_scenario(
-    seed: int, size: Size, effects: tuple[str, ...], strength: float
+    seed: int,
+    size: Size,
+    effects: tuple[str, ...],
+    strength: float,
+    *,
+    noise: str = "mixed",
+    force_sensor: bool = True,
 ) -> tuple[Scenario, dict[str, float]]:
     """A study of a random laboratory in good order, except for these effects.
 
@@ -42,15 +49,22 @@ def random_scenario(
         size: of the study.
         effects: "name@place", or "name@place+place"; the place may be left out.
         strength: of each effect by itself, over the noise floor; see hil_sim.effects.strength.
+        noise: of the logged torque, one of NOISES: white and a little autoregressive, or one kind alone;
+            `speed` is white noise beside some that grows with the joint's speed.
+        force_sensor: whether the robot has one.
 
     Returns:
         The scenario, and the strength that each effect reached.
 
     Raises:
-        SimError: an effect or place is not known.
+        SimError: an effect, place or noise is not known.
     """
     rng = generator(seed, "random study")
     content = _laboratory(rng, size)
+    if noise != "mixed":
+        content["world"]["torque_log"]["noise"] = _torque_noise(noise, generator(seed, "torque noise", noise))
+    if not force_sensor:
+        del content["world"]["force_sensor"]
     clean = Scenario.model_validate(content)
     reached = {}
     content["effects"] = []
@@ -123,6 +137,23 @@ def _laboratory(rng: np.random.Generator, size: Size) -> dict[str, Any]:
         "motion": {"free_centre_rad": tuple((0.7854 + rng.uniform(-0.15, 0.15, 2)).tolist())},
         "trials": trials,
     }
+
+
+def _torque_noise(kind: str, rng: np.random.Generator) -> list[dict[str, Any]]:
+    """Noise of one kind, about as large below 4.5 Hz as the mixture's."""
+
+    def source(of: str, low: float, high: float, **more: float) -> dict[str, Any]:
+        return {"kind": of, "rms": tuple(rng.uniform(low, high, 2).tolist()), **more}
+
+    if kind == "white":
+        return [source("white", 0.02, 0.08)]
+    if kind == "ar":
+        return [source("ar", 0.004, 0.012, corner_Hz=float(rng.uniform(1.0, 8.0)))]
+    if kind == "pink":
+        return [source("pink", 0.005, 0.015)]
+    if kind == "speed":
+        return [source("white", 0.01, 0.03), source("speed", 0.03, 0.1)]
+    raise SimError(f"noise {kind}: not known; use one of {', '.join(NOISES)}")
 
 
 def _alpha(rng: np.random.Generator) -> list[float]:

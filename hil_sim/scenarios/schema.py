@@ -99,12 +99,21 @@ class AccelerometerErrors(_Table):
     self_test_g: Pair = (0.32, 0.32)
 
 
-class NoiseTable(_Table):
-    """[[world.torque_log.noise]] (N m) and [[world.force_sensor.noise]] (N): sources add up."""
-
-    kind: Literal["white", "ar", "pink", "heteroscedastic"] = "white"
+class _Noise(_Table):
     rms: tuple[NotNegative, NotNegative]
     corner_Hz: Positive = 5.0
+
+
+class NoiseTable(_Noise):
+    """[[world.force_sensor.noise]] (N): sources add up."""
+
+    kind: Literal["white", "ar", "pink", "heteroscedastic"] = "white"
+
+
+class TorqueNoiseTable(_Noise):
+    """[[world.torque_log.noise]] (N m): sources add up; a drive's noise may also grow with the speed."""
+
+    kind: Literal["white", "ar", "pink", "heteroscedastic", "speed"] = "white"
 
 
 class ForceSensorTable(_Table):
@@ -120,7 +129,7 @@ class ForceSensorTable(_Table):
 class TorqueLogTable(_Table):
     """[world.torque_log]: what the robot's own log suffers from."""
 
-    noise: tuple[NoiseTable, ...] = ()
+    noise: tuple[TorqueNoiseTable, ...] = ()
     quantum_Nm: tuple[NotNegative, NotNegative] = (0.0, 0.0)
     jitter_s: NotNegative = 0.0
     gap_every_s: NotNegative = 0.0

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 Array = NDArray[np.float64]
-Kind = Literal["white", "ar", "pink", "heteroscedastic"]
+Kind = Literal["white", "ar", "pink", "heteroscedastic", "speed"]
 LOWEST_HZ = 0.02  # pink noise is flat below: longer than any trial would need
 
 
@@ -22,8 +22,10 @@ class NoiseTruth:
 
     Attributes:
         kind: `white`; `ar`: first-order autoregression, -3 dB at corner_Hz; `pink`: density as 1/f from 0.02
-            Hz to half the rate; `heteroscedastic`: white, in proportion to the quantity itself.
-        rms: standard deviation of one logged value; for `heteroscedastic` its share of the quantity.
+            Hz to half the rate; `heteroscedastic`: white, in proportion to the quantity itself; `speed`:
+            white, in proportion to the speed of the joint.
+        rms: standard deviation of one logged value; for `heteroscedastic` its share of the quantity, for
+            `speed` that at 1 rad/s.
         corner_Hz: for `ar`.
     """
 
@@ -47,8 +49,11 @@ class Noise:
         self._share = np.ones(corners.size) / np.sqrt(max(1, corners.size))
         self._state = [keep * generator.standard_normal((1, 2)) for keep in self._keep]
 
-    def add_to(self, values: Array) -> Array:
-        """The next values, shape (n, 2), with this noise on them."""
+    def add_to(self, values: Array, speed: Array | None = None) -> Array:
+        """The next values, shape (n, 2), with this noise on them.
+
+        speed: of the joints, shape (n, 2), rad/s; None: at rest.
+        """
         truth = self._truth
         rms = np.array(truth.rms)
         if not values.shape[0]:
@@ -57,6 +62,9 @@ class Noise:
             return np.asarray(values + rms * self._generator.standard_normal(values.shape))
         if truth.kind == "heteroscedastic":
             return np.asarray(values * (1.0 + rms * self._generator.standard_normal(values.shape)))
+        if truth.kind == "speed":
+            turning = np.zeros(values.shape) if speed is None else speed
+            return np.asarray(values + rms * turning * self._generator.standard_normal(values.shape))
         drive = self._generator.standard_normal((values.shape[0], self._keep.size, 2))
         noise = np.zeros(values.shape)
         for i, keep in enumerate(self._keep):

@@ -122,6 +122,7 @@ class TorqueLog:
         self._back = back
         self._from = -back
         self._torque = np.zeros((back, 2))
+        self._speed = np.zeros((back, 2))
         self._force = np.zeros((back * SUBSTEPS, 2))
         self._count = np.zeros((back, 2), dtype=np.int32)
         self._command = np.zeros((back, 2))
@@ -140,6 +141,7 @@ class TorqueLog:
     def add(self, motion: Motion, command: Array) -> LogRows:
         """The rows that this stretch completes. command: force commanded at each tick, shape (n, 2), N."""
         self._torque = np.concatenate([self._torque, motion.torque])
+        self._speed = np.concatenate([self._speed, motion.w[::SUBSTEPS]])
         self._force = np.concatenate([self._force, motion.force])
         self._count = np.concatenate([self._count, motion.count])
         self._command = np.concatenate([self._command, command])
@@ -152,7 +154,7 @@ class TorqueLog:
         gone = max(0, self._next * every - self._back - self._from)
         self._from += gone
         self._torque, self._count = self._torque[gone:], self._count[gone:]
-        self._command = self._command[gone:]
+        self._command, self._speed = self._command[gone:], self._speed[gone:]
         self._force = self._force[gone * SUBSTEPS :]
         return result
 
@@ -161,7 +163,7 @@ class TorqueLog:
         index = ticks - self._from
         tau = self._mean_torque(index)
         for noise in self._noise:
-            tau = noise.add_to(tau)
+            tau = noise.add_to(tau, self._speed[index])
         tau = np.clip(tau, -np.array(truth.limit_Nm), np.array(truth.limit_Nm))
         for j, quantum in enumerate(truth.quantum_Nm):
             if quantum > 0.0:

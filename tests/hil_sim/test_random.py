@@ -67,6 +67,24 @@ def test_scaling_grows_what_departs_from_absence():
     assert scaled(entry, 3.0).values["motor_inertia"] == 0.01
 
 
+@pytest.mark.parametrize("noise", ["white", "ar", "pink", "speed"])
+def test_a_kind_of_noise_alone_leaves_the_laboratory_as_it_is(noise):
+    mixed, _ = random_scenario(7, SMALL, (), 1.0)
+    alone, _ = random_scenario(7, SMALL, (), 1.0, noise=noise)
+    kinds = {source.kind for source in alone.world.torque_log.noise}
+    assert kinds == ({"white", "speed"} if noise == "speed" else {noise})
+    assert alone.world.loads == mixed.world.loads
+    assert alone.world.robot == mixed.world.robot
+    floors = [np.std(trials(one, 7)[0].residuals.channel["tau1"]) for one in (alone, mixed)]
+    assert 0.1 < floors[0] / floors[1] < 10.0
+
+
+def test_a_robot_may_have_no_force_sensor():
+    scenario, _ = random_scenario(7, SMALL, (), 1.0, force_sensor=False)
+    assert scenario.world.force_sensor is None
+    assert scenario.world.loads == random_scenario(7, SMALL, (), 1.0)[0].world.loads
+
+
 @pytest.mark.parametrize("label", ["friction.coulomb@joint1", "load.damping@load"])
 def test_an_effect_gets_the_strength_asked_for(label):
     scenario, reached = random_scenario(11, SMALL, (label,), 3.0)

@@ -148,6 +148,25 @@ def test_heteroscedastic_noise_grows_with_the_quantity():
     assert values.std(axis=0) == pytest.approx([0.1, 2.0], rel=0.02)
 
 
+def test_a_drives_noise_may_grow_with_the_speed():
+    """A joint that turns at -3 rad/s in the second half of each block of 1000 ticks, and rests in the first."""
+    log = TorqueLog(
+        LogTruth(noise=(NoiseTruth("speed", (0.1, 0.2)),)),
+        zero_s=0.0,
+        tick_s=1e-3,
+        ticks=100_000,
+        encoder=ENCODER,
+        force_sensor=None,
+        generators=(np.random.default_rng(2), np.random.default_rng(3)),
+    )
+    rests = motion(np.zeros((1000, 2)))
+    rests.w[4000:] = -3.0
+    rows = joined([log.add(rests, np.zeros((1000, 2))) for _ in range(101)])
+    halves = rows.tau_Nm.reshape(-1, 2, 500, 2)
+    assert not halves[:, 0].any()
+    assert halves[:, 1].reshape(-1, 2).std(axis=0) == pytest.approx([0.3, 0.6], rel=0.02)
+
+
 def test_force_sensor_gain_offset_and_steps():
     truth = ForceSensorTruth(noise=(), offset_N=(0.5, -0.5), gain_error=(0.02, 0.0), quantum_N=0.25)
     read = ForceSensor(truth, 1000.0, np.random.default_rng(1)).read(np.array([[10.0, 10.0]]))
