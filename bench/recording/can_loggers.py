@@ -5,7 +5,6 @@ against those that the board had made when the process was killed; the worst of 
 """
 
 import functools
-import socket
 import subprocess
 import sys
 import tempfile
@@ -14,25 +13,14 @@ from pathlib import Path
 
 import can
 import numpy as np
-from common import RECORD, CanBoard, save
+from common import RECORD, CanBoard, bus_at, free_multicast, save
 from impid_host.errors import InputError
-from impid_host.link.can_bus import CanLink, parse_address
+from impid_host.link.can_bus import CanLink
 from impid_host.link.client import BoardClient
 from impid_host.recording.reader import read_recording
 
 FORMATS = ("asc", "blf", "csv", "db", "log")
 ACCEL = 0x110
-
-
-def _bus(address: str) -> can.BusABC:
-    interface, channel, options = parse_address(address)
-    return can.Bus(interface=interface, channel=channel, **options)
-
-
-def _address() -> str:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
-        free.bind(("", 0))
-        return f"udp_multicast:239.74.163.2,port={free.getsockname()[1]}"
 
 
 _LOGGER = """
@@ -48,8 +36,8 @@ for message in bus:
 
 def python_can(suffix: str, seconds: float, folder: Path) -> dict[str, object]:
     """Its Logger, fed by its Bus, in a process that is killed."""
-    address, file = _address(), folder / f"killed.{suffix}"
-    board = CanBoard(_bus(address))
+    address, file = free_multicast(), folder / f"killed.{suffix}"
+    board = CanBoard(bus_at(address))
     process = subprocess.Popen([sys.executable, "-c", _LOGGER, address, str(file)], stdout=subprocess.PIPE)
     assert process.stdout is not None
     process.stdout.readline()
@@ -76,8 +64,8 @@ def python_can(suffix: str, seconds: float, folder: Path) -> dict[str, object]:
 
 def ours(seconds: float, folder: Path) -> dict[str, object]:
     """`impid-host record` on the same bus."""
-    address, file = _address(), folder / "killed.mcap"
-    board = CanBoard(_bus(address))
+    address, file = free_multicast(), folder / "killed.mcap"
+    board = CanBoard(bus_at(address))
     process = subprocess.Popen(
         [*RECORD, "--can", address, "--out", str(file)], stdout=subprocess.PIPE, stderr=subprocess.PIPE
     )

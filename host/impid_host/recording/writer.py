@@ -1,7 +1,7 @@
 """Writes a recording so that nothing older than 100 ms is ever only in memory.
 
-Every 100 ms the current MCAP chunk is finished and handed to the operating system: killing the program
-then costs at most the last 100 ms. Once a second a thread syncs the file to the disk, which bounds what a
+Every 20 ms the current MCAP chunk is finished and handed to the operating system: killing the program
+then costs well below the last 100 ms. Once a second a thread syncs the file to the disk, which bounds what a
 power cut costs; more often would wear flash cards for no gain on a killed program.
 """
 
@@ -24,7 +24,9 @@ from impid_host.recording.appender import Appender
 from impid_host.wire.records import BoardStatus, Segment
 
 FLUSH_INTERVAL_S = 0.1  # promised
-FLUSH_PERIOD_S = 0.05  # aimed at, so that a busy moment does not break the promise
+FLUSH_PERIOD_S = (
+    0.02  # aimed at, so that a busy machine does not break the promise; 17 % more file than 50 ms
+)
 SYNC_INTERVAL_S = 1.0
 # Chunks end with a flush; this only bounds memory should flushes come late.
 _CHUNK_BYTES = 4 << 20
@@ -120,7 +122,7 @@ class RecordingWriter:
         self._json(channels.EVENTS, now.monotonic_ns, body)
 
     def flush_when_due(self) -> None:
-        """Flush if 100 ms have passed, sync if a second has. To be called at least every few ms."""
+        """Flush if 20 ms have passed, sync if a second has. To be called at least every few ms."""
         now = time.monotonic()
         if now - self._flushed_s >= FLUSH_PERIOD_S:
             self.flush()

@@ -34,7 +34,10 @@ from impid_host.wire.tracker import Groups, Tracker
 
 _MASK32 = 0xFFFFFFFF
 _UNDATED = -1
+# The index bits of a second half repeat after 256 ms: what lies further apart needs a witness, and after a
+# reader's stall of more than this none is believed.
 _PAIR_NS = 200_000_000
+_STALL_NS = 2_000_000_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,8 +67,8 @@ class CanDecoder:
     _good: int = 0
     _unpaired: int = 0
     _undated: int = 0
-    _accel: Words = field(default_factory=lambda: np.zeros(0, np.uint64))  # a first half that waits
-    _accel_ns: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))  # its arrival
+    _waiting: Words = field(default_factory=lambda: np.zeros(0, np.uint64))  # a first half, or a late pair
+    _waiting_ns: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))  # their arrival
     _time: dict[str, int] | None = None  # a TIME that waits for its EPOCH
     _date: _Date | None = None
     _date_used: bool = False
@@ -85,8 +88,9 @@ class CanDecoder:
     ) -> Decoded:
         """What the frames complete: identifiers and payloads (one little-endian word each), shape (N,).
 
-        Two halves whose arrivals are 200 ms apart are not one sample: the few index bits of the second half
-        repeat after 256 ms. Frames of other identifiers, which other devices may send, are passed over.
+        Two halves whose arrivals are 200 ms apart (frames were lost, or the program that read them stood
+        still) are one sample only if the next sample's first half follows: the few index bits of a second
+        half repeat after 256 ms. Frames of other identifiers, which other devices may send, are passed over.
         """
         arrival_ns = np.zeros(len(words), np.int64) if arrival_ns is None else arrival_ns
         halves = self._pair(identifiers, words, arrival_ns)
@@ -112,18 +116,24 @@ class CanDecoder:
 
     def _pair(self, identifiers: NDArray[np.uint16], words: Words, arrival_ns: NDArray[np.int64]) -> _Halves:
         at = np.flatnonzero((identifiers == ACCEL.frame_id) | (identifiers == ENCODER.frame_id))
-        waiting = len(self._accel)
-        word = np.concatenate([self._accel, words[at].astype(np.uint64)])
-        came_ns = np.concatenate([self._accel_ns, arrival_ns[at]])
+        waiting = len(self._waiting)
+        word = np.concatenate([self._waiting, words[at].astype(np.uint64)])
+        came_ns = np.concatenate([self._waiting_ns, arrival_ns[at]])
         position = np.concatenate([np.full(waiting, -1, dtype=np.intp), at])
-        first = np.concatenate([np.ones(waiting, dtype=np.bool_), identifiers[at] == ACCEL.frame_id])
-        pair = np.flatnonzero(first[:-1] & ~first[1:] & (np.diff(came_ns) < _PAIR_NS))
+        first = np.concatenate(
+            [np.arange(waiting) % 2 == 0, identifiers[at] == ACCEL.frame_id]  # a late pair begins with one
+        )
+        pair = np.flatnonzero(first[:-1] & ~first[1:])
         index = ACCEL.unpack(word[pair])["index_low16"]
         pair = pair[(index & np.uint64(0xFF)) == ENCODER.unpack(word[pair + 1])["index_low8"]]
-        keep = len(word) > 0 and bool(first[-1])
-        self._accel, self._accel_ns = (word[-1:], came_ns[-1:]) if keep else (word[:0], came_ns[:0])
+        apart_ns = came_ns[pair + 1] - came_ns[pair]
+        late = apart_ns >= _PAIR_NS
+        unwitnessed = bool(len(pair)) and bool(late[-1]) and int(pair[-1]) + 2 == len(word)
+        pair = pair[~late | ((apart_ns < _STALL_NS) & _followed(pair, word, first))]
+        keep = 2 if unwitnessed else int(len(word) > 0 and bool(first[-1]))
+        self._waiting, self._waiting_ns = word[len(word) - keep :], came_ns[len(word) - keep :]
         self._good += 2 * len(pair)
-        self._unpaired += len(word) - int(keep) - 2 * len(pair)
+        self._unpaired += len(word) - keep - 2 * len(pair)
         return _Halves(word[pair], word[pair + 1], position[pair])
 
     def _epoch(self, at: int, epoch: dict[str, int]) -> list[_Date]:
@@ -229,6 +239,15 @@ class CanDecoder:
         if self._start_index is not None:
             next_index = (self._start_index + merged["produced"]) & _MASK32
         return [BoardStatus(boot_id, t_us, next_index, **merged)]
+
+
+def _followed(pair: NDArray[np.intp], word: Words, first: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Whether the first half of the very next sample stands behind each pair, shape (N,)."""
+    there = pair + 2 < len(word)
+    behind = np.where(there, pair + 2, pair)
+    step = ACCEL.unpack(word[behind])["index_low16"] - ACCEL.unpack(word[pair])["index_low16"]
+    followed: NDArray[np.bool_] = there & first[behind] & ((step & np.uint64(0xFFFF)) == 1)
+    return followed
 
 
 def _with_start(event: Loss | NewRun, began: dict[int, int], starts: list[tuple[int, int]]) -> Loss | NewRun:

@@ -35,9 +35,9 @@ def golden() -> list[Frame]:
 FRAMES = golden()
 
 
-def feed(decoder: CanDecoder, frames: list[Frame]) -> Decoded:
+def feed(decoder: CanDecoder, frames: list[Frame], arrival_ns: np.ndarray | None = None) -> Decoded:
     identifiers = np.array([i for i, _ in frames], dtype=np.uint16)
-    return decoder.feed(identifiers, np.frombuffer(b"".join(d for _, d in frames), dtype="<u8"))
+    return decoder.feed(identifiers, np.frombuffer(b"".join(d for _, d in frames), dtype="<u8"), arrival_ns)
 
 
 def decode(frames: list[Frame], piece: int = 10**9) -> tuple[CanDecoder, Decoded]:
@@ -153,3 +153,22 @@ def test_half_samples_are_never_paired_across() -> None:
     decoder, decoded = decode(frames)
     assert decoded.segments[0].index.tolist() == [0, 3]
     assert (decoder.counts.bad_frames, decoder.counts.lost) == (2, 2)
+
+
+@pytest.mark.parametrize("piece", [1, 2, 3, 100])
+@pytest.mark.parametrize(("gone", "stored"), [(0, [0, 1, 2, 3, 4]), (256, [0, 259, 260])])
+def test_halves_that_arrive_far_apart(piece: int, gone: int, stored: list[int]) -> None:
+    """The program that reads stands still for 0.5 s between two halves; or 256 samples are lost there, after
+    which the second half that comes has the index bits of the one that is missing."""
+    late = [*sample(2 + gone)[1:], *sample(3 + gone), *sample(4 + gone)]
+    frames = date(0, 0, 1) + sample(0) + sample(1) + sample(2)[:1] + late
+    if gone:
+        frames[4:6] = []  # nothing but the torn pair in front
+    came_ns = np.cumsum([500_000_000 if n == len(frames) - len(late) else 1 for n in range(len(frames))])
+    decoder = CanDecoder()
+    got = []
+    for at in range(0, len(frames), piece):
+        decoded = feed(decoder, frames[at : at + piece], came_ns[at : at + piece])
+        got += [int(index) for segment in decoded.segments for index in segment.index]
+    assert got == stored
+    assert decoder.counts.bad_frames == (2 if gone else 0)
