@@ -52,12 +52,17 @@ test-python: $(STAMP)
 	scripts/system_packages.sh
 	$(BIN)/pytest -n 2 --dist loadfile -q
 
-validate: $(STAMP) ## the long forms, with their figures written to docs/validation (about an hour)
+validate: $(STAMP) ## the long forms, with their figures written to docs/validation (some two hours)
 	@PATH="$(CURDIR)/$(BIN):$$PATH" scripts/validate_recording.sh
 	scripts/firmware_fuzz.sh -max_total_time=60
 	$(BIN)/python scripts/validate/first_paper.py
 	$(BIN)/python scripts/validate/tables_residual.py
 	$(BIN)/python scripts/validate/measured_impedance.py
+	@mkdir -p build
+	$(BIN)/python bench/diagnosis_validation.py run build/diagnosis.jsonl --first-seed 500000 --jobs 2
+	$(BIN)/python bench/diagnosis_validation.py table build/diagnosis.jsonl \
+	  --command 'bench/diagnosis_validation.py run build/diagnosis.jsonl --first-seed 500000 --jobs 2' \
+	  --markdown docs/validation/diagnosis.md --json docs/validation/diagnosis.json
 
 clean: ## remove what was built, but nothing that was recorded
 	rm -rf $(VENV) build .pio .pio-core *.egg-info hil_sim/_native*.so hil_sim/_native.c

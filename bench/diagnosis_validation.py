@@ -1,127 +1,137 @@
 """Validation of `diagnose` on random laboratories: every effect, effects in company, none, and unknown ones.
 
-    python bench/diagnosis_validation.py --out validation.jsonl --first-seed 10000 --strengths 1.3 3 10
+    python bench/diagnosis_validation.py run campaign.jsonl --first-seed 200000 --jobs 2
+    python bench/diagnosis_validation.py table campaign.jsonl --markdown table.md --json table.json
 
 One line of JSON per study; studies that are in the file already are not run again, so that a campaign may be
-interrupted. `--table` prints the summary of a file.
+interrupted. They come in an order that makes an interrupted campaign a smaller one.
 """
 
-import argparse
 import json
-import shutil
-import tempfile
+import os
+import signal
 import time
-from collections import Counter
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-from impid_host.diagnosis.diagnose import diagnose
-from impid_host.diagnosis.result import Diagnosis
-from impid_host.errors import ImpidError
-from impid_host.study.folder import read_study
+# Two studies at a time fill two cores; threads within each would only get in the way. Must precede numpy.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
-from hil_sim.effects.catalogue import ROWS
-from hil_sim.errors import SimError
-from hil_sim.scenarios.random import SMALL, random_scenario
-from hil_sim.study.write import write_study
+import click
+from diagnosis_campaign.cases import STRENGTHS, Case, Sizes, plan
+from diagnosis_campaign.page import page
+from diagnosis_campaign.run import run as run_case
+from diagnosis_campaign.tally import summary
 
-KNOWN = tuple(name for name in ROWS if not name.startswith("outside."))
-OUTSIDE = tuple(name for name in ROWS if name.startswith("outside."))
+FILE = click.Path(dir_okay=False, path_type=Path)
+MARK = "<!-- from here on written by bench/diagnosis_validation.py -->"
 
 
-def cases(first: int, studies: int, strengths: list[float]) -> list[tuple[int, float, tuple[str, ...]]]:
-    """(seed, strength, effects) of every study, each with a seed of its own."""
-    wanted: list[tuple[float, tuple[str, ...]]] = []
-    rng = np.random.default_rng(first)
-    for _ in range(studies):
-        wanted += [(strength, (name,)) for strength in strengths for name in KNOWN]
-        wanted += [(strengths[-1], (name,)) for name in OUTSIDE]
-        wanted += [(1.0, ())] * 10
-        for _ in range(5):
-            wanted.append((strengths[len(strengths) // 2], tuple(rng.choice(KNOWN, 2, replace=False))))
-    return [(first + k, strength, effects) for k, (strength, effects) in enumerate(wanted)]
-
-
-def verdict(truth: list[str], answer: Diagnosis) -> str:
-    """right, tie, family, missed, wrong, false alarm, or (for unknown effects) unpinned and pinned."""
-    found = [stage.added.effect for stage in answer.stages if stage.added is not None]
-    if not truth:
-        return "false alarm" if found or answer.structure else "right"
-    if truth[0].startswith("outside."):
-        return "pinned" if found else "unpinned"
-    if sorted(found) == sorted(truth):
-        return "right"
-    tied = {label.split("@")[0] for tie in answer.ambiguous for label in tie.candidates}
-    if set(truth) <= tied | set(found) and len(found) <= len(truth):
-        return "tie"
-    if not found:
-        return "missed"
-    families = [name.split(".")[0] for name in truth]
-    return "family" if sorted(name.split(".")[0] for name in found) == sorted(families) else "wrong"
-
-
-def run(seed: int, strength: float, effects: tuple[str, ...]) -> dict[str, Any]:
-    """One study from simulation to verdict."""
-    line: dict[str, Any] = {"seed": seed, "strength": strength, "effects": list(effects)}
-    folder = Path(tempfile.mkdtemp(prefix="impid-diagnosis-"))
-    try:
-        scenario, reached = random_scenario(seed, SMALL, effects, strength)
-        write_study(scenario, folder / "study", seed)
-        begin = time.perf_counter()
-        answer = diagnose(read_study(folder / "study"))
-    except (SimError, ImpidError) as error:
-        return line | {"verdict": "error", "error": str(error)}
-    finally:
-        shutil.rmtree(folder, ignore_errors=True)
-    first, last = answer.stages[0].rms, answer.stages[-1].rms
-    return line | {
-        "reached": reached,
-        "verdict": verdict(list(effects), answer),
-        "found": [f"{s.added.effect}@{'+'.join(s.added.where)}" for s in answer.stages if s.added],
-        "structure": [row.words for row in answer.structure],
-        "before_over_floor": max(first[key] / answer.floor[key] for key in first),
-        "after_over_floor": max(last[key] / answer.floor[key] for key in first),
-        "seconds": time.perf_counter() - begin,
-    }
-
-
-def table(path: Path) -> str:
-    """Verdicts by strength and effect, as Markdown."""
-    lines = [json.loads(line) for line in path.read_text().splitlines()]
-    groups: dict[tuple[str, float], Counter[str]] = {}
-    for line in lines:
-        name = " + ".join(line["effects"]) or "nothing"
-        groups.setdefault((name, line["strength"]), Counter())[line["verdict"]] += 1
-    rows = ["| hidden | strength | verdicts |", "| --- | --- | --- |"]
-    for (name, strength), counts in sorted(groups.items()):
-        words = ", ".join(f"{count} {what}" for what, count in counts.most_common())
-        rows.append(f"| {name} | {strength:g} | {words} |")
-    total = Counter(line["verdict"] for line in lines)
-    return "\n".join([*rows, "", ", ".join(f"{count} {what}" for what, count in total.most_common())])
-
-
+@click.group()
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
-    parser.add_argument("--out", type=Path, required=True)
-    parser.add_argument("--first-seed", type=int, default=10000)
-    parser.add_argument("--studies", type=int, default=1)
-    parser.add_argument("--strengths", type=float, nargs="+", default=[1.3, 3.0, 10.0])
-    parser.add_argument("--table", action="store_true")
-    options = parser.parse_args()
-    if options.table:
-        print(table(options.out))
-        return
-    done = set()
-    if options.out.exists():
-        done = {json.loads(line)["seed"] for line in options.out.read_text().splitlines()}
-    with options.out.open("a", encoding="utf-8") as out:
-        for seed, strength, effects in cases(options.first_seed, options.studies, options.strengths):
-            if seed not in done:
-                line = run(seed, strength, effects)
-                out.write(json.dumps(line) + "\n")
-                out.flush()
-                print(line["seed"], line["strength"], line["effects"], line["verdict"], line.get("found"))
+    """Campaigns of random studies, and their tables."""
+
+
+@main.command()
+@click.argument("out", type=FILE)
+@click.option("--first-seed", type=int, required=True, help="Of the campaign; each study has its own.")
+@click.option("--each", default=3, show_default=True, help="Studies per known effect and strength.")
+@click.option("--together", default=54, show_default=True, help="Studies with two or three effects.")
+@click.option("--outside", default=5, show_default=True, help="Studies per effect outside the catalogue.")
+@click.option("--clean", default=104, show_default=True, help="Studies with nothing hidden.")
+@click.option("--strength", "strengths", type=float, multiple=True, default=STRENGTHS, show_default=True)
+@click.option("--only", default="", help="Those whose effects or part contain this word.")
+@click.option("--seed", "seeds", type=int, multiple=True, help="Those with these seeds; may be repeated.")
+@click.option("--jobs", default=1, show_default=True, help="Studies at a time.")
+@click.option("--until", help="Begin no study after this local time, HH:MM.")
+def run(
+    out: Path,
+    first_seed: int,
+    each: int,
+    together: int,
+    outside: int,
+    clean: int,
+    strengths: tuple[float, ...],
+    only: str,
+    seeds: tuple[int, ...],
+    jobs: int,
+    until: str | None,
+) -> None:
+    """Run the studies of a campaign that OUT does not have yet."""
+    cases = plan(first_seed, Sizes(each, together, outside, clean, strengths))
+    cases = [case for case in cases if only in case.part or any(only in name for name in case.effects)]
+    cases = [case for case in cases if not seeds or case.seed in seeds]
+    done = {line["seed"] for line in read(out)} if out.exists() else set()
+    todo = [case for case in cases if case.seed not in done]
+    click.echo(f"{len(todo)} studies to run, {len(cases) - len(todo)} are there")
+    whole = not out.exists() or out.read_bytes()[-1:] in (b"", b"\n")
+    with out.open("a", encoding="utf-8") as file:
+        file.write("" if whole else "\n")
+        begin = time.monotonic()
+        for count, line in enumerate(carried_out(todo, jobs, until), start=1):
+            file.write(json.dumps(line) + "\n")
+            file.flush()
+            left = (time.monotonic() - begin) / count * (len(todo) - count) / 60
+            found = " + ".join(line.get("found", [line.get("error", "")])) or "nothing"
+            hidden = " + ".join(line["effects"]) or f"nothing ({line['noise']})"
+            click.echo(
+                f"{count}/{len(todo)} {left:.0f} min | {line['seed']} {line['strength']:g} {hidden}"
+                f" | {line['verdict']} | {found}"
+            )
+
+
+@main.command()
+@click.argument("lines", type=FILE, nargs=-1, required=True)
+@click.option("--command", "made_by", default="", help="That made the lines; shown on the page.")
+@click.option("--markdown", type=FILE, help="Page whose tables to replace; left out: the screen.")
+@click.option("--json", "json_file", type=FILE, help="Where to write the numbers.")
+def table(lines: tuple[Path, ...], made_by: str, markdown: Path | None, json_file: Path | None) -> None:
+    """Rates with their intervals, errors before and after, and every failure."""
+    numbers = summary([line for path in lines for line in read(path)])
+    text = page(numbers, made_by or "python bench/diagnosis_validation.py run ...")
+    if markdown is None:
+        click.echo(text)
+    else:
+        words = markdown.read_text(encoding="utf-8").partition(MARK)[0] if markdown.exists() else ""
+        markdown.write_text(f"{words}{MARK}\n\n{text}", encoding="utf-8")
+    if json_file is not None:
+        json_file.write_text(json.dumps(numbers, indent=1) + "\n", encoding="utf-8")
+
+
+def carried_out(cases: list[Case], jobs: int, until: str | None) -> Any:
+    """Yields lines as they are ready; no more are begun than run, so that an end comes soon."""
+    with ProcessPoolExecutor(
+        jobs, initializer=signal.signal, initargs=(signal.SIGINT, signal.SIG_IGN)
+    ) as pool:
+        waiting = iter(cases)
+        running: set[Future[dict[str, Any]]] = set()
+        while True:
+            while len(running) < jobs and not _over(until):
+                case = next(waiting, None)
+                if case is None:
+                    break
+                running.add(pool.submit(run_case, case))
+            if not running:
+                return
+            ready, running = wait(running, return_when=FIRST_COMPLETED)
+            for future in ready:
+                yield future.result()
+
+
+def _over(until: str | None) -> bool:
+    return until is not None and time.strftime("%H:%M") >= until
+
+
+def read(path: Path) -> list[dict[str, Any]]:
+    """The lines of a file; a last one that was cut off is run again."""
+    result = []
+    for text in path.read_text(encoding="utf-8").splitlines():
+        try:
+            result.append(json.loads(text))
+        except json.JSONDecodeError:
+            continue
+    return result
 
 
 if __name__ == "__main__":

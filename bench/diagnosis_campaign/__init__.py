@@ -1,0 +1,1 @@
+"""How often `diagnose` is right: a campaign over random laboratories of the simulator."""

@@ -1,0 +1,132 @@
+"""How far numbers are from the truth: the robot and its loads before and after, the effects' own parameters."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from impid_host.diagnosis.result import Finding, Number, Stage
+from numpy.typing import NDArray
+
+from hil_sim.effects.entry import Entry
+from hil_sim.scenarios.schema import Scenario
+
+Json = dict[str, Any]
+Array = NDArray[np.float64]
+_BOTH_AXES = ("accel.scale", "accel.bias", "accel.cross_axis")
+
+
+def bias(stage: Stage, scenario: Scenario) -> Json:
+    """Of alpha and of every load's M and K: error in per cent of the truth, and in half-widths of the intervals.
+
+    Several numbers are taken together as root mean squares: of relative errors for alpha, of errors over half
+    an interval for all. A symmetric matrix counts each of its numbers once; of M = m 1 there is one.
+    """
+    alpha = np.array(scenario.world.robot.alpha)
+    result = {"alpha": _compared(stage.alpha.value, stage.alpha.ci95, alpha, each=True)}
+    for name, load in stage.loads.items():
+        truth = scenario.world.loads[name]
+        for letter, matrix in (("M", truth.M_kg), ("K", truth.K_N_per_m)):
+            if letter in load:
+                result[letter] = _load(load[letter], np.array(matrix), letter)
+    return result
+
+
+def _load(number: Number, truth: Array, letter: str) -> Json:
+    rows, columns = ([0], [0]) if letter == "M" else ([0, 0, 1], [0, 1, 1])
+    return _compared(
+        number.value[rows, columns], number.ci95[rows, columns], truth[rows, columns], each=False
+    )
+
+
+def _compared(value: Array, ci95: Array, truth: Array, *, each: bool) -> Json:
+    """Percent of each number, or of all together; errors in half-widths; how many intervals cover."""
+    error = value - truth
+    half = 0.5 * (ci95[..., 1] - ci95[..., 0])
+    known = half > 0
+    size = np.abs(truth) if each else np.sqrt(np.mean(truth**2))
+    return {
+        "percent": float(100 * _rms(error / size)),
+        "half_widths": float(_rms(error[known] / half[known])) if known.any() else None,
+        "covered": int(np.sum(np.abs(error) <= half)),
+        "of": int(error.size),
+    }
+
+
+def parameters(finding: Finding, entry: Entry) -> Json:
+    """Of every parameter that both know, at the places that both name: relative error and coverage.
+
+    Returns:
+        name -> truth, found, relative (None for phases and where the truth is zero), covered, of, and width, the
+        intervals' mean half-width.
+    """
+    truth = true_values(entry)
+    result: Json = {}
+    for name, number in finding.parameters.items():
+        if name not in truth:
+            continue
+        pair = _matched(number, finding.where, truth[name], places(entry))
+        if pair is None:
+            continue
+        found, ci95, true = pair
+        error = found - true
+        if name == "phase_rad":
+            error = np.angle(np.exp(1j * error))
+        half = 0.5 * (ci95[..., 1] - ci95[..., 0])
+        centre = 0.5 * (ci95[..., 1] + ci95[..., 0]) - found
+        size = float(np.linalg.norm(true))
+        result[name] = {
+            "truth": true.tolist(),
+            "found": found.tolist(),
+            "relative": float(np.linalg.norm(error) / size) if size and name != "phase_rad" else None,
+            "covered": int(np.sum(np.abs(error + centre) <= half)),
+            "of": int(error.size),
+            "width": float(np.mean(half)),
+        }
+    return result
+
+
+def places(entry: Entry) -> tuple[str, ...]:
+    """Where it is; both axes of a sensor are the sensor."""
+    return ("x", "y") if entry.effect in _BOTH_AXES and entry.where == ("sensor",) else entry.where
+
+
+def true_values(entry: Entry) -> Mapping[str, Array]:
+    """The parameters as the report names them, one per place first, then components."""
+    values = {
+        name: np.asarray(value, dtype=np.float64)
+        for name, value in entry.values.items()
+        if not isinstance(value, str)
+    }
+    if entry.effect == "elastic.transmission":
+        values["inertia_over_stiffness"] = values["motor_inertia"] / values["stiffness"]
+    return values
+
+
+def _matched(
+    number: Number, found_at: Sequence[str], truth: Array, hidden_at: Sequence[str]
+) -> tuple[Array, Array, Array] | None:
+    """Found value, its interval and the truth, of the places that both name; None where shapes do not agree."""
+    value, ci95 = number.value, number.ci95
+    if len(found_at) > 1 and value.shape[:1] == (len(found_at),):
+        both = [place for place in found_at if place in hidden_at]
+        if not both:
+            return None
+        rows = [list(found_at).index(place) for place in both]
+        value, ci95 = value[rows], ci95[rows]
+    else:
+        both = [place for place in found_at if place in hidden_at]
+        if not both:
+            return None
+    if len(hidden_at) > 1 and truth.shape[:1] == (len(hidden_at),):
+        truth = truth[[list(hidden_at).index(place) for place in both]]
+    if truth.size == 1 and value.ndim == 2:
+        truth = float(truth.ravel()[0]) * np.eye(value.shape[0])
+    try:
+        truth = np.broadcast_to(truth.reshape(()) if truth.size == 1 else truth, value.shape)
+    except ValueError:
+        return None
+    return value, ci95, np.asarray(truth)
+
+
+def _rms(values: Array) -> float:
+    return float(np.sqrt(np.mean(values**2)))

@@ -1,0 +1,136 @@
+"""Which studies a campaign runs: each with a seed of its own, in an order that is balanced wherever it stops."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from hil_sim.effects.catalogue import ROWS
+from hil_sim.scenarios.random import NOISES
+
+KNOWN = tuple(name for name in ROWS if not name.startswith("outside."))
+OUTSIDE = tuple(name for name in ROWS if name.startswith("outside."))
+CLEAN_NOISES = NOISES[1:]
+STRENGTHS = (1.3, 2.0, 4.0, 10.0)
+WITHOUT_SENSOR = 0.3  # share of the laboratories that have no force sensor
+# Without a force sensor no residual shows these: they hide in alpha or in the load's mass.
+NEED_SENSOR = frozenset({"actuator.gain", "inertia.extra"})
+# The one is the other: equal dry friction within unequal dry friction; a sensor turned is one with opposite
+# cross-talk on its axes, so with cross-talk beside it two names describe the same readings.
+SAME_THING = (
+    frozenset({"friction.coulomb", "friction.asymmetric"}),
+    frozenset({"actuator.offset", "friction.asymmetric"}),
+    frozenset({"accel.misalignment", "accel.cross_axis"}),
+)
+# A seed says to which part of the campaign a study belongs, whatever the sizes of the other parts.
+_OFFSETS = {"known": 0, "together": 20_000, "outside": 30_000, "clean": 40_000}
+
+
+@dataclass(frozen=True)
+class Case:
+    """One study.
+
+    Attributes:
+        part: known, together, outside or clean.
+        seed: of the laboratory and all chance.
+        strength: of each effect over the noise floor; 0 for none.
+        effects: labels name@place+place.
+        noise: kind of noise on the torque log.
+        force_sensor: whether there is one.
+    """
+
+    part: str
+    seed: int
+    strength: float
+    effects: tuple[str, ...]
+    noise: str
+    force_sensor: bool
+
+
+@dataclass(frozen=True)
+class Sizes:
+    """How many studies: per known effect and strength; together; per effect outside; clean."""
+
+    each: int = 3
+    together: int = 54
+    outside: int = 5
+    clean: int = 104
+    strengths: tuple[float, ...] = STRENGTHS
+
+
+def plan(first_seed: int, sizes: Sizes) -> list[Case]:
+    """All studies of a campaign.
+
+    They come in rounds. Each round has every known effect once, each at another strength in the next round,
+    and its share of everything else, so that an interrupted campaign is a smaller one.
+    """
+    rounds = max(sizes.each * len(sizes.strengths), 1)
+    parts = {
+        "known": list(_known(first_seed, rounds if sizes.each else 0, sizes.strengths)),
+        "together": list(_together(first_seed + _OFFSETS["together"], sizes)),
+        "outside": list(_outside(first_seed + _OFFSETS["outside"], sizes)),
+        "clean": list(_clean(first_seed + _OFFSETS["clean"], sizes.clean)),
+    }
+    chance = np.random.default_rng(first_seed)
+    ordered: list[Case] = []
+    for turn in range(rounds):
+        share = [
+            case
+            for part in parts.values()
+            for case in part[turn * len(part) // rounds : (turn + 1) * len(part) // rounds]
+        ]
+        ordered += [share[k] for k in chance.permutation(len(share))]
+    return ordered
+
+
+def _known(first: int, rounds: int, strengths: tuple[float, ...]) -> Iterator[Case]:
+    for turn in range(rounds):
+        for number, name in enumerate(KNOWN):
+            strength = strengths[(turn + number) % len(strengths)]
+            yield _case("known", first + turn * len(KNOWN) + number, strength, (name,))
+
+
+def _together(first: int, sizes: Sizes) -> Iterator[Case]:
+    """Two pairs for each triple."""
+    for number in range(sizes.together):
+        seed = first + number
+        chance = np.random.default_rng((seed, 1))
+        names: tuple[str, ...] = ()
+        while not names or any(same <= set(names) for same in SAME_THING):
+            names = tuple(
+                str(name) for name in chance.choice(KNOWN, 3 if number % 3 == 2 else 2, replace=False)
+            )
+        yield _case("together", seed, sizes.strengths[(number // 3) % len(sizes.strengths)], names)
+
+
+def _outside(first: int, sizes: Sizes) -> Iterator[Case]:
+    """Each effect meets each strength of two and more in turn: fainter ones nobody could pin on anything."""
+    strengths = [value for value in sizes.strengths if value >= 2.0] or list(sizes.strengths)
+    for turn in range(sizes.outside):
+        for number, name in enumerate(OUTSIDE):
+            strength = strengths[(turn + number) % len(strengths)]
+            yield _case("outside", first + turn * len(OUTSIDE) + number, strength, (name,))
+
+
+def _clean(first: int, count: int) -> Iterator[Case]:
+    for number in range(count):
+        case = _case("clean", first + number, 0.0, ())
+        yield Case("clean", case.seed, 0.0, (), CLEAN_NOISES[number % len(CLEAN_NOISES)], case.force_sensor)
+
+
+def _case(part: str, seed: int, strength: float, names: tuple[str, ...]) -> Case:
+    """The study with places, noise and sensor drawn by its seed."""
+    chance = np.random.default_rng((seed, 2))
+    effects = tuple(f"{name}@{_place(name, chance)}" for name in names)
+    noise = NOISES[int(chance.integers(len(NOISES)))]
+    sensor = bool(chance.random() >= WITHOUT_SENSOR) or bool(NEED_SENSOR & set(names))
+    return Case(part, seed, strength, effects, noise, sensor)
+
+
+def _place(name: str, chance: np.random.Generator) -> str:
+    """One of the places where the effect may be; one time in five on both joints at once."""
+    places = ROWS[name].places
+    # A common factor on both drives would hide in alpha.
+    if places == ("joint1", "joint2") and name != "actuator.gain" and chance.random() < 0.2:
+        return "joint1+joint2"
+    return str(chance.choice(places))

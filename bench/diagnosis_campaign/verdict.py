@@ -1,0 +1,98 @@
+"""What an answer is worth, given what was hidden: names, places, ties."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+from impid_host.diagnosis.result import Diagnosis
+
+NO_NAME = "unattributed"
+_BOTH_AXES = frozenset({"accel.scale", "accel.bias", "accel.cross_axis"})
+
+Places = Mapping[str, frozenset[str]]
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """One study judged.
+
+    Attributes:
+        word: known effects: right, tie, extra (all of it and more), partial (some of it, nothing else), family,
+            wrong, unattributed (structure without a name), missed; clean studies: right, false alarm, false
+            structure; effects outside the catalogue: described, unseen, pinned.
+        first_right: the name that was added first is one of those hidden.
+        place_right: all names are right, and so are their places; None where they are not.
+        tied: how many names the ties of the answer list, without repetition.
+    """
+
+    word: str
+    first_right: bool
+    place_right: bool | None
+    tied: int
+
+
+def judged(truth: Sequence[str], answer: Diagnosis) -> Verdict:
+    """Judges an answer.
+
+    Args:
+        truth: labels name@place+place of what was hidden.
+        answer: what the host said.
+    """
+    found = [
+        (stage.added.effect, stage.added.where)
+        for stage in answer.stages
+        if stage.added is not None and stage.added.effect != NO_NAME
+    ]
+    hidden = placed((label.split("@")[0], tuple(label.partition("@")[2].split("+"))) for label in truth)
+    named = placed(found)
+    ties = [{label.split("@")[0] for label in tie.candidates} for tie in answer.ambiguous]
+    structure = bool(answer.structure)
+    right = set(named) == set(hidden)
+    return Verdict(
+        word=_word(set(hidden), set(named), ties, structure=structure),
+        first_right=bool(found) and found[0][0] in hidden,
+        place_right=named == hidden if right and hidden else None,
+        tied=len(set().union(*ties)) if ties else 0,
+    )
+
+
+def placed(effects: Iterable[tuple[str, tuple[str, ...]]]) -> Places:
+    """Name -> places, however many entries it came in; both axes of a sensor are the sensor."""
+    result: dict[str, frozenset[str]] = {}
+    for name, where in effects:
+        places = {"x", "y"} if name in _BOTH_AXES and "sensor" in where else set(where)
+        result[name] = result.get(name, frozenset()) | places
+    return result
+
+
+def _word(hidden: set[str], named: set[str], ties: Sequence[set[str]], *, structure: bool) -> str:
+    if not hidden:
+        return "false alarm" if named else "false structure" if structure else "right"
+    if any(name.startswith("outside.") for name in hidden):
+        return "pinned" if named else "described" if structure else "unseen"
+    if not named:
+        return "unattributed" if structure else "missed"
+    if named == hidden:
+        return "right"
+    return "tie" if _tied(hidden, named, ties) else _not_right(hidden, named)
+
+
+def _not_right(hidden: set[str], named: set[str]) -> str:
+    if hidden < named:
+        return "extra"
+    if named < hidden:
+        return "partial"
+    same_family = sorted(map(_family, named)) == sorted(map(_family, hidden))
+    return "family" if same_family else "wrong"
+
+
+def _tied(hidden: set[str], named: set[str], ties: Sequence[set[str]]) -> bool:
+    """Whether every hidden effect is named or tied with a name, and every name is hidden or tied with one."""
+
+    def held(one: str, others: set[str]) -> bool:
+        return one in others or any(one in tie and tie & others for tie in ties)
+
+    return all(held(one, named) for one in hidden) and all(held(one, hidden) for one in named)
+
+
+def _family(name: str) -> str:
+    return name.split(".", maxsplit=1)[0]

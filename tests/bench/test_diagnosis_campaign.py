@@ -1,0 +1,328 @@
+"""The campaign that judges diagnoses: its plan is balanced, and its verdicts are those of a reader."""
+
+import json
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from diagnosis_campaign.accuracy import bias, parameters
+from diagnosis_campaign.cases import CLEAN_NOISES, KNOWN, OUTSIDE, SAME_THING, STRENGTHS, Sizes, plan
+from diagnosis_campaign.page import page
+from diagnosis_campaign.tally import rate, summary, wilson
+from diagnosis_campaign.verdict import judged
+from diagnosis_validation import main, read
+from impid_host.diagnosis.result import Diagnosis, Finding, Number, Stage, Structure, Tie
+from scipy.stats import binomtest
+
+from hil_sim.effects import catalogue
+from hil_sim.effects.entry import Entry
+from hil_sim.scenarios.random import SMALL, random_scenario
+
+NONE = np.zeros((0, 2))
+
+
+def number(value, half):
+    value, half = np.asarray(value, dtype=float), np.asarray(half, dtype=float)
+    return Number(value, np.stack([value - half, value + half], axis=-1), "SI")
+
+
+def finding(effect, where, **numbers):
+    return Finding(effect, where, (), numbers, 0.5, 1e-9, None)
+
+
+def stage(added=None, alpha=None, loads=None):
+    return Stage(added, {}, {}, alpha or number(np.zeros(5), np.ones(5)), (), loads or {})
+
+
+def answer(*found, ties=(), structure=False):
+    """Found: labels name@place+place."""
+    stages = [stage()]
+    for label in found:
+        name, _, places = label.partition("@")
+        stages.append(stage(finding(name, tuple(places.split("+")) if places else ())))
+    left = (Structure("time", "tau1", 0.1, NONE, NONE, "a curve"),) if structure else ()
+    return Diagnosis(
+        "s", (), (), tuple(stages), {}, 0.0, structure, left, tuple(Tie(tuple(t), "") for t in ties)
+    )
+
+
+# The plan
+
+
+def test_every_study_has_a_seed_of_its_own():
+    seeds = [case.seed for case in plan(200_000, Sizes())]
+    assert len(set(seeds)) == len(seeds)
+    assert min(seeds) >= 200_000
+    assert max(seeds) < 250_000
+
+
+def test_every_effect_meets_every_strength_as_often_as_asked():
+    cases = plan(1000, Sizes(each=3))
+    for name in KNOWN:
+        strengths = [
+            case.strength for case in cases if case.part == "known" and case.effects[0].startswith(name + "@")
+        ]
+        assert sorted(strengths) == sorted(STRENGTHS * 3)
+
+
+def test_the_sizes_are_those_asked_for():
+    cases = plan(1000, Sizes())
+    together = [len(case.effects) for case in cases if case.part == "together"]
+    assert (together.count(2), together.count(3)) == (36, 18)
+    noises = [case.noise for case in cases if case.part == "clean"]
+    assert {noise: noises.count(noise) for noise in CLEAN_NOISES} == dict.fromkeys(CLEAN_NOISES, 26)
+    outside = [case.effects[0].partition("@")[0] for case in cases if case.part == "outside"]
+    assert {name: outside.count(name) for name in OUTSIDE} == dict.fromkeys(OUTSIDE, 5)
+
+
+def test_an_interrupted_campaign_is_a_smaller_one():
+    """Half of the plan has about half of everything: no effect, strength or part is left to the end."""
+    cases = plan(1000, Sizes(each=2))
+    half = cases[: len(cases) // 2]
+    counts = [
+        sum(case.effects[0].startswith(name + "@") for case in half if case.part == "known") for name in KNOWN
+    ]
+    assert set(counts) <= {3, 4, 5}
+    for part in ("together", "outside", "clean"):
+        whole = sum(case.part == part for case in cases)
+        assert sum(case.part == part for case in half) == pytest.approx(whole / 2, abs=0.1 * whole)
+
+
+def test_more_studies_are_added_to_those_that_there_are():
+    few = {case.seed: case for case in plan(1000, Sizes(each=1, together=10, clean=10, outside=2))}
+    many = {case.seed: case for case in plan(1000, Sizes())}
+    assert all(many[seed] == case for seed, case in few.items())
+
+
+def test_what_no_one_could_tell_apart_is_not_asked_together():
+    for case in plan(1000, Sizes(together=2000)):
+        names = {label.partition("@")[0] for label in case.effects}
+        assert not any(same <= names for same in SAME_THING)
+
+
+def test_places_are_those_of_the_catalogue():
+    seen = set()
+    for case in plan(1000, Sizes()):
+        for label in case.effects:
+            name, _, places = label.partition("@")
+            assert set(places.split("+")) <= set(catalogue.ROWS[name].places)
+            seen.add(label)
+    assert {"friction.coulomb@joint1", "friction.coulomb@joint2", "accel.bias@x", "accel.bias@y"} <= seen
+
+
+# Verdicts
+
+
+@pytest.mark.parametrize(
+    ("hidden", "found", "ties", "structure", "word"),
+    [
+        (["accel.scale@x"], ["accel.scale@x"], [], False, "right"),
+        (["accel.scale@x"], ["accel.scale@y"], [], False, "right"),
+        (["accel.scale@x"], ["accel.bias@x"], [], False, "family"),
+        (["accel.scale@x"], ["friction.coulomb@joint1"], [], False, "wrong"),
+        (["accel.scale@x"], ["accel.scale@x", "friction.coulomb@joint1"], [], False, "extra"),
+        (["accel.scale@x"], [], [], False, "missed"),
+        (["accel.scale@x"], [], [], True, "unattributed"),
+        (["accel.scale@x"], ["unattributed"], [], True, "unattributed"),
+        (["accel.scale@x"], ["inertia.extra@tip"], [["inertia.extra@tip", "accel.scale@x"]], False, "tie"),
+        # A tie with something else is none, nor is one that stands beside another wrong name.
+        (["accel.scale@x"], ["inertia.extra@tip"], [["inertia.extra@tip", "accel.bias@x"]], False, "wrong"),
+        (
+            ["accel.scale@x"],
+            ["inertia.extra@tip", "load.drift@load"],
+            [["inertia.extra@tip", "accel.scale@x"]],
+            False,
+            "wrong",
+        ),
+        (["accel.scale@x", "load.drift@load"], ["load.drift@load"], [], False, "partial"),
+        (["accel.scale@x", "load.drift@load"], ["load.drift@load", "accel.scale@x"], [], False, "right"),
+        (
+            ["friction.coulomb@joint1", "actuator.offset@joint1"],
+            ["friction.asymmetric@joint1"],
+            [["friction.asymmetric@joint1", "friction.coulomb@joint1", "actuator.offset@joint1"]],
+            False,
+            "tie",
+        ),
+        ([], [], [], False, "right"),
+        ([], ["accel.bias@x"], [], False, "false alarm"),
+        ([], [], [], True, "false structure"),
+        (["outside.push@tip"], ["accel.bias@x"], [], True, "pinned"),
+        (["outside.push@tip"], ["unattributed"], [], True, "described"),
+        (["outside.push@tip"], [], [], False, "unseen"),
+    ],
+)
+def test_verdicts(hidden, found, ties, structure, word):
+    assert judged(hidden, answer(*found, ties=ties, structure=structure)).word == word
+
+
+@pytest.mark.parametrize(
+    ("hidden", "found", "right"),
+    [
+        ("accel.scale@x", "accel.scale@y", False),
+        ("accel.scale@sensor", "accel.scale@x+y", True),
+        ("friction.coulomb@joint1+joint2", "friction.coulomb@joint2+joint1", True),
+        ("friction.coulomb@joint1+joint2", "friction.coulomb@joint1", False),
+        ("accel.delay@sensor", "accel.delay@sensor", True),
+        ("accel.delay@sensor", "accel.bias@x", None),
+    ],
+)
+def test_the_place_counts_where_the_name_is_right(hidden, found, right):
+    assert judged([hidden], answer(found)).place_right is right
+
+
+def test_an_effect_in_two_entries_is_at_both_places():
+    said = answer("friction.coulomb@joint1", "friction.coulomb@joint2")
+    verdict = judged(["friction.coulomb@joint1+joint2"], said)
+    assert (verdict.word, verdict.place_right) == ("right", True)
+
+
+def test_the_first_name_is_judged_by_itself():
+    hidden = ["accel.scale@x", "load.drift@load"]
+    assert judged(hidden, answer("load.drift@load", "accel.bias@x")).first_right
+    assert not judged(hidden, answer("accel.bias@x", "load.drift@load")).first_right
+
+
+# Numbers
+
+
+@pytest.mark.parametrize(("count", "of"), [(0, 10), (10, 10), (3, 17), (95, 100)])
+def test_intervals_of_rates_are_wilsons(count, of):
+    reference = binomtest(count, of).proportion_ci(method="wilson")
+    assert wilson(count, of) == pytest.approx((reference.low, reference.high), abs=1e-6)
+
+
+def test_a_rate_of_nothing_says_nothing():
+    assert rate([], lambda line: True)["ci95"] == [0.0, 1.0]
+
+
+def test_bias_is_in_per_cent_and_in_half_widths():
+    scenario, _ = random_scenario(7, SMALL, (), 1.0)
+    load = scenario.world.loads["spring_L1"]
+    alpha = np.array(scenario.world.robot.alpha)
+    m, K = load.M_kg[0][0], np.array(load.K_N_per_m)
+    said = stage(
+        alpha=number(1.1 * alpha, 0.05 * alpha),
+        loads={
+            "spring_L1": {
+                "M": number(0.97 * m * np.eye(2), 0.06 * m * np.eye(2)),
+                "K": number(1.02 * K, np.full((2, 2), 1e3)),
+            }
+        },
+    )
+    found = bias(said, scenario)
+    assert found["alpha"]["percent"] == pytest.approx(10.0)
+    assert found["alpha"]["half_widths"] == pytest.approx(2.0)
+    assert (found["alpha"]["covered"], found["alpha"]["of"]) == (0, 5)
+    assert found["M"]["percent"] == pytest.approx(3.0)
+    assert found["M"]["half_widths"] == pytest.approx(0.5)
+    assert (found["M"]["covered"], found["M"]["of"]) == (1, 1)
+    assert found["K"]["percent"] == pytest.approx(2.0)
+    assert (found["K"]["covered"], found["K"]["of"]) == (3, 3)
+
+
+def test_own_parameters_are_compared_place_by_place():
+    hidden = Entry("friction.coulomb", ("joint1", "joint2"), (), {"torque": [0.1, 0.2]})
+    said = finding("friction.coulomb", ("joint2", "joint1"), torque=number([0.19, 0.1], [0.02, 0.001]))
+    row = parameters(said, hidden)["torque"]
+    assert row["truth"] == [0.2, 0.1]
+    assert row["relative"] == pytest.approx(0.01 / np.hypot(0.1, 0.2))
+    assert (row["covered"], row["of"]) == (2, 2)
+
+
+def test_own_parameters_of_one_place_of_two():
+    hidden = Entry("friction.quadratic", ("joint2",), (), {"coefficient": 0.2})
+    one = finding("friction.quadratic", ("joint2",), coefficient=number(0.22, 0.01))
+    assert parameters(one, hidden)["coefficient"]["relative"] == pytest.approx(0.1)
+    assert parameters(one, hidden)["coefficient"]["covered"] == 0
+    both = finding("friction.quadratic", ("joint1", "joint2"), coefficient=number([0.5, 0.2], [0.1, 0.1]))
+    assert parameters(both, hidden)["coefficient"]["relative"] == pytest.approx(0.0)
+    elsewhere = finding("friction.quadratic", ("joint1",), coefficient=number(0.2, 0.1))
+    assert parameters(elsewhere, hidden) == {}
+
+
+def test_phases_go_round():
+    hidden = Entry("encoder.eccentricity", ("joint1",), (), {"amplitude_rad": 0.01, "phase_rad": 6.2})
+    said = finding("encoder.eccentricity", ("joint1",), phase_rad=number(6.2 - 2 * np.pi + 0.05, 0.06))
+    row = parameters(said, hidden)["phase_rad"]
+    assert row["relative"] is None
+    assert row["covered"] == 1
+
+
+def test_a_compliance_is_known_by_its_ratio():
+    hidden = Entry(
+        "elastic.transmission",
+        ("joint1",),
+        (),
+        {"stiffness": 20.0, "motor_inertia": 0.01, "damping_ratio": 0.05},
+    )
+    said = finding("elastic.transmission", ("joint1",), inertia_over_stiffness=number(5.5e-4, 1e-5))
+    assert parameters(said, hidden)["inertia_over_stiffness"]["relative"] == pytest.approx(0.1)
+
+
+def test_a_skew_matrix_is_compared_whole():
+    hidden = Entry("load.coupling", ("load",), (), {"K": [[0.0, -20.0], [20.0, 0.0]], "M": 0.0})
+    said = finding(
+        "load.coupling", ("load",), K=number([[0.0, -19.0], [19.0, 0.0]], [[0.0, 2.0], [2.0, 0.0]])
+    )
+    row = parameters(said, hidden)["K"]
+    assert row["relative"] == pytest.approx(0.05)
+    assert (row["covered"], row["of"]) == (4, 4)
+
+
+# The file
+
+
+@pytest.fixture(scope="module")
+def campaign(tmp_path_factory):
+    """One clean study, one known effect."""
+    out = tmp_path_factory.mktemp("campaign") / "lines.jsonl"
+    return out, run(out)
+
+
+def run(out):
+    seeds = ["--seed", "200003", "--seed", "240000"]
+    result = CliRunner().invoke(main, ["run", str(out), "--first-seed", "200000", *seeds])
+    assert result.exit_code == 0, result.output
+    return result.output
+
+
+def test_lines_hold_truth_verdict_errors_and_biases(campaign):
+    lines = {line["seed"]: line for line in read(campaign[0])}
+    known = lines[200003]
+    assert known["effects"][0].startswith("friction.quadratic@")
+    assert known["reached"][known["effects"][0]] == pytest.approx(known["strength"], rel=0.1)
+    assert known["truth"][0]["coefficient"] is not None
+    assert max(known["over_floor"]["before"].values()) > 2.0
+    assert known["bias"]["before"]["K"]["of"] == 3
+    assert known["seconds"]["diagnose"] > 0
+    # Nothing is hidden, so the same papers' model on the same data leaves exactly the floor.
+    assert all(v == pytest.approx(1.0, abs=1e-9) for v in lines[240000]["over_floor"]["before"].values())
+
+
+def test_a_campaign_goes_on_where_it_stopped(campaign, tmp_path):
+    out = tmp_path / "lines.jsonl"
+    whole = campaign[0].read_text()
+    out.write_text(whole)
+    assert "0 studies to run, 2 are there" in run(out)
+    assert out.read_text() == whole
+    out.write_text(whole[:-40])  # the machine went off while a line was written
+    assert "1 studies to run, 1 are there" in run(out)
+    assert {line["seed"] for line in read(out)} == {200003, 240000}
+
+
+def test_the_table_counts_what_the_lines_say(campaign):
+    lines = read(campaign[0])
+    numbers = summary(lines)
+    assert numbers["studies"] == 2
+    assert numbers["goals"]["false alarms"]["of"] == 1
+    json.dumps(numbers)
+    text = page(numbers, "a command")
+    assert "a command" in text
+    wrong = [
+        {**line, "verdict": "wrong", "found": ["load.drift@load"]}
+        for line in lines
+        if line["part"] == "known"
+    ]
+    assert "load.drift@load" in page(summary(wrong), "a command")
+    goal = summary(wrong)["goals"]["right or a correct tie, one effect at 2 floors and above"]
+    assert (goal["count"], goal["of"]) == (0, 1)
