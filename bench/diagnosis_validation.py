@@ -10,6 +10,7 @@ interrupted. They come in an order that makes an interrupted campaign a smaller 
 import json
 import os
 import signal
+import subprocess
 import time
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from pathlib import Path
@@ -65,12 +66,13 @@ def run(
     done = {line["seed"] for line in read(out)} if out.exists() else set()
     todo = [case for case in cases if case.seed not in done]
     click.echo(f"{len(todo)} studies to run, {len(cases) - len(todo)} are there")
+    code = version()
     whole = not out.exists() or out.read_bytes()[-1:] in (b"", b"\n")
     with out.open("a", encoding="utf-8") as file:
         file.write("" if whole else "\n")
         begin = time.monotonic()
         for count, line in enumerate(carried_out(todo, jobs, until), start=1):
-            file.write(json.dumps(line) + "\n")
+            file.write(json.dumps({**line, "version": code}) + "\n")
             file.flush()
             left = (time.monotonic() - begin) / count * (len(todo) - count) / 60
             found = " + ".join(line.get("found", [line.get("error", "")])) or "nothing"
@@ -117,6 +119,23 @@ def carried_out(cases: list[Case], jobs: int, until: str | None) -> Any:
             ready, running = wait(running, return_when=FIRST_COMPLETED)
             for future in ready:
                 yield future.result()
+
+
+def version() -> str:
+    """The commit that is checked out, with `-dirty` where files differ from it; empty outside a checkout."""
+    git = [
+        "git",
+        "-C",
+        str(Path(__file__).resolve().parent),
+        "describe",
+        "--always",
+        "--dirty",
+        "--exclude=*",
+    ]
+    try:
+        return subprocess.run(git, capture_output=True, text=True, check=True).stdout.strip()
+    except (OSError, subprocess.CalledProcessError):
+        return ""
 
 
 def _over(until: str | None) -> bool:

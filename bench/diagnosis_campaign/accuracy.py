@@ -7,6 +7,7 @@ import numpy as np
 from impid_host.diagnosis.result import Finding, Number, Stage
 from numpy.typing import NDArray
 
+from hil_sim.effects.catalogue import ROWS
 from hil_sim.effects.entry import Entry
 from hil_sim.scenarios.schema import Scenario
 
@@ -56,10 +57,11 @@ def parameters(finding: Finding, entry: Entry) -> Json:
     """Of every parameter that both know, at the places that both name: relative error and coverage.
 
     Returns:
-        name -> truth, found, relative (None for phases and where the truth is zero), covered, of, and width, the
-        intervals' mean half-width.
+        name -> truth, found, relative (to the truth's distance from the effect's absence; None for phases and
+        where that is zero), covered, of, and width, the intervals' mean half-width.
     """
     truth = true_values(entry)
+    neutral = {one.name: one.neutral or 0.0 for one in ROWS[entry.effect].parameters}
     result: Json = {}
     for name, number in finding.parameters.items():
         if name not in truth:
@@ -73,7 +75,7 @@ def parameters(finding: Finding, entry: Entry) -> Json:
             error = np.angle(np.exp(1j * error))
         half = 0.5 * (ci95[..., 1] - ci95[..., 0])
         centre = 0.5 * (ci95[..., 1] + ci95[..., 0]) - found
-        size = float(np.linalg.norm(true))
+        size = float(np.linalg.norm(true - neutral.get(name, 0.0)))
         result[name] = {
             "truth": true.tolist(),
             "found": found.tolist(),

@@ -10,7 +10,8 @@ def page(summary: Json, command: str) -> str:
     """Tables of goals, strengths, effects, errors and failures."""
     s = summary
     parts = [
-        f"{s['studies']} studies, {s['seconds_per_study']:.1f} s each (median, one core):\n\n    {command}",
+        f"{s['studies']} studies by version {', '.join(s['versions'])}, {_number(s['seconds_per_study'])} s each"
+        f" (median):\n\n    {command}",
         "## Goals",
         _table(
             ("what", "goal", "studies", "measured", "95 % interval"),

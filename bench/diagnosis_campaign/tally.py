@@ -146,6 +146,7 @@ def summary(lines: Sequence[Json]) -> Json:
     seconds = [sum(line["seconds"].values()) for line in lines if "seconds" in line]
     return {
         "studies": len(lines),
+        "versions": sorted({line.get("version", "") for line in lines}),
         "seconds_per_study": median(seconds),
         "goals": {
             "right or a correct tie, one effect at 2 floors and above": rate(

@@ -240,6 +240,12 @@ def test_own_parameters_of_one_place_of_two():
     assert parameters(elsewhere, hidden) == {}
 
 
+def test_a_gain_errs_against_its_distance_from_one():
+    hidden = Entry("accel.scale", ("x",), (), {"gain": 1.02})
+    said = finding("accel.scale", ("x",), gain=number(1.021, 0.002))
+    assert parameters(said, hidden)["gain"]["relative"] == pytest.approx(0.05)
+
+
 def test_phases_go_round():
     hidden = Entry("encoder.eccentricity", ("joint1",), (), {"amplitude_rad": 0.01, "phase_rad": 6.2})
     said = finding("encoder.eccentricity", ("joint1",), phase_rad=number(6.2 - 2 * np.pi + 0.05, 0.06))
