@@ -12,18 +12,24 @@ from impid_host.diagnosis.choice import (
     Table,
     is_known,
     pruned,
+    score_of,
     supported,
     table_of,
 )
-from impid_host.diagnosis.evidence import base_directions, solve
-from impid_host.diagnosis.findings import findings_of
+from impid_host.diagnosis.evidence import base_directions
+from impid_host.diagnosis.final_look import carried
+from impid_host.diagnosis.findings import findings_of, refitted
+from impid_host.diagnosis.floor import PER_COLUMN, noise_floor
 from impid_host.diagnosis.holdout import Holdout, hold_out
-from impid_host.diagnosis.leftover import structures, unmasked
+from impid_host.diagnosis.leftover import unmasked
 from impid_host.diagnosis.lines import spectral_lines
 from impid_host.diagnosis.oddities import Oddity
 from impid_host.diagnosis.prepare import setting_of, views
-from impid_host.diagnosis.result import Chosen, Diagnosis, Finding, Stage, Structure
+from impid_host.diagnosis.proof import corrected
+from impid_host.diagnosis.refit import Refit, refit
+from impid_host.diagnosis.result import Diagnosis, Finding, Stage, Structure
 from impid_host.diagnosis.rows import Run, Slot, Taps, build_runs, slots_of
+from impid_host.diagnosis.shapes import structures
 from impid_host.diagnosis.smooth import smooth_candidates
 from impid_host.diagnosis.ties import ties
 from impid_host.diagnosis.whiten import noise_models, whitened
@@ -32,7 +38,10 @@ from impid_host.effects.view import View
 from impid_host.errors import UndeterminedError
 from impid_host.robot.model import robot_model
 from impid_host.signals.arrays import Floats
+from impid_host.signals.chain import PUBLISHED_CUTOFF_HZ
 from impid_host.study.model import Study
+
+_LARGE = 1.0  # an effect that lowers the mean squared innovation by so many times the noise's
 
 Progress = Callable[[str, float], None]
 
@@ -72,17 +81,19 @@ def diagnose(study: Study, progress: Progress = _silent) -> Diagnosis:
     if pushed:
         progress("choosing again without what stands out", 0.75)
         case, active, curves = chosen_twice(prepare(study, pushed=pushed))
+    case, active, curves = confirmed(case, active, curves)
+    active = upheld(case, active, curves)
     table = case.table
-    findings = findings_of(case.table, active, prismatic=case.base.model.name == "slide-1d")
+    findings = findings_of(case.table, active)
     progress("judging on held-out data", 0.85)
-    stages = _stages(study, case, findings)
+    stages, fit = _stages(study, case, findings)
     left = structures(table, active, curves, case.views) + spectral_lines(
         table, [*active, *curves], case.taps
     )
     left += [odd_structure(oddity) for oddity in case.oddities]
     if are_pushes(pushed, sum(float(view.t[-1]) for view in case.views)):
         left += [odd_structure(Oddity(burst.trial, "tau1", 0.0, burst.words)) for burst in pushed]
-    floor = noise_floor(study, case, [*active, *curves], stages[-1])
+    floor = floor_of(case, fit, stages[-1])
     first, last = stages[0].rms, stages[-1].rms
     before = sum((first[key] / floor[key]) ** 2 for key in first)
     after = sum(max((last[key] / floor[key]) ** 2 - 1, 0.0) for key in first)
@@ -109,24 +120,69 @@ def odd_structure(oddity: Oddity) -> Structure:
     return Structure("one_trial", oddity.on, oddity.share, none, none, oddity.words)
 
 
-def chosen_twice(case: Case) -> tuple[Case, list[int], list[int]]:
+def chosen_twice(case: Case, given: Sequence[int] = ()) -> tuple[Case, list[int], list[int]]:
     """The choice, then again what of it holds under a noise model fitted on what it leaves.
 
     The first noise model comes from a saturated regression, which takes slow noise for signal; the second
     sees all that is left, and so errs on the side of noise.
+
+    Args:
+        given: slots that are in the model whatever happens.
     """
-    table, active, curves = unmasked(case.table)
+    table, active, curves = unmasked(case.table, given)
     if not active and not curves:
         return replace(case, table=table), active, curves
-    picked = [table.slots[s] for s in (*active, *curves)]
+    picked = [table.slots[s] for s in (*given, *active, *curves)]
     again, taps = second_opinion(case, picked)
     slots = list(range(len(again.slots) - len(picked), len(again.slots)))
-    kept = pruned(again, [], slots)
+    always, others = slots[: len(given)], slots[len(given) :]
+    kept = pruned(again, always, others)
     active = [
-        s for s in slots[: len(active)] if s in kept and supported(again, [o for o in kept if o != s], s)
+        s
+        for s in others[: len(active)]
+        if s in kept and supported(again, [*always, *(o for o in kept if o != s)], s)
     ]
-    curves = [s for s in slots[len(slots) - len(curves) :] if s in kept] if curves else []
+    curves = [s for s in others[len(others) - len(curves) :] if s in kept] if curves else []
     return replace(case, table=again, taps=taps), active, curves
+
+
+def confirmed(case: Case, active: Sequence[int], curves: Sequence[int]) -> tuple[Case, list[int], list[int]]:
+    """The choice once more, with the largest effect taken out of the signals themselves.
+
+    What the linearised columns of an effect many times the noise leave over looks like other, smaller ones.
+    """
+    table = case.table
+    if not active or len(active) + len(curves) < 2:
+        return case, list(active), list(curves)
+    top = max(active, key=lambda s: score_of(table, [o for o in (*active, *curves) if o != s], s))
+    if score_of(table, [], top) < _LARGE * table.rows:
+        return case, list(active), list(curves)
+    name = table.slots[top].candidate.effect
+    largest = [s for s in active if table.slots[s].candidate.effect == name]
+    parts = findings_of(table, largest)[0].parts
+    fitted = refit(case.views, parts, case.base, case.holdout, case.taps)
+    cleaned = [corrected(view, fitted.chosen) for view in fitted.views]
+    again = evaluated(informed(cleaned, case.base, case.holdout), case.base, case.holdout)
+    with_it = again.table
+    for part in fitted.chosen:
+        with_it = with_it.with_shapes(part.candidate, [part.shape])
+    given = range(len(again.table.slots), len(with_it.slots))
+    again, fresh, bent = chosen_twice(replace(again, table=with_it), list(given))
+    picked = [again.table.slots[s] for s in (*fresh, *bent)]
+    first = len(table.slots)
+    for slot in picked:
+        table = table.with_shapes(slot.candidate, [slot.shape])
+    places = list(range(first, first + len(picked)))
+    return replace(case, table=table), [*largest, *places[: len(fresh)]], places[len(fresh) :]
+
+
+def upheld(case: Case, active: Sequence[int], curves: Sequence[int]) -> list[int]:
+    """The effects that lower the error on held-out data, the curves taken into account."""
+    slots = [case.table.slots[s] for s in (*curves, *active)]
+    runs, _, fresh = own_runs(case, slots)
+    sizes = [slot.candidate.size for slot in fresh[len(curves) :]]
+    base = case.base.size + sum(slot.candidate.size for slot in fresh[: len(curves)])
+    return [active[k] for k in carried(whitened(runs, case.taps), base, sizes)]
 
 
 def bursts_of(case: Case, active: Sequence[int]) -> list[Burst]:
@@ -156,19 +212,12 @@ def second_opinion(case: Case, picked: Sequence[Slot]) -> tuple[Table, Taps]:
     return table, taps
 
 
-def noise_floor(study: Study, case: Case, active: Sequence[int], last: Stage) -> dict[str, float]:
-    """What noise alone leaves in each held-out channel: the last model with the curves taken out as well."""
-    table = case.table
-    if not any(not is_known(table.slots[s]) for s in active):
-        return dict(last.rms)
-    beta, _ = solve(table.G, table.columns(active))
-    chosen, first = [], 0
-    for s in active:
-        candidate = table.slots[s].candidate
-        part = beta[first : first + candidate.size]
-        chosen.append(Chosen(candidate, table.slots[s].shape, part, np.zeros((len(part), len(part)))))
-        first += candidate.size
-    return _numbers(study, case, chosen)[2]
+def floor_of(case: Case, fit: Refit, last: Stage) -> dict[str, float]:
+    """What noise alone leaves in each held-out channel."""
+    seconds = sum(float(np.sum(view.valid)) * view.dt for view in case.views)
+    columns = saturated(case.base, case.slots, round(5 * 2 * PUBLISHED_CUTOFF_HZ * seconds / PER_COLUMN))
+    found = noise_floor(fit, case.base, case.holdout, case.runs, columns)
+    return {key: found.get(key, rms) for key, rms in last.rms.items()}
 
 
 def prepare(study: Study, progress: Progress = _silent, pushed: Sequence[Burst] = ()) -> Case:
@@ -177,10 +226,21 @@ def prepare(study: Study, progress: Progress = _silent, pushed: Sequence[Burst] 
     progress("aligning", 0.0)
     parts, oddities = views(study, model)
     parts = [without_bursts(view, pushed) for view in parts]
-    holdout, base = hold_out(parts), base_of(parts, model)
+    holdout = hold_out(parts)
+    base = base_of(parts, model, prior=study.setup.prior_alpha is not None)
     progress("fitting the papers' model", 0.2)
-    parts = informed(parts, base, holdout)
-    setting = setting_of(parts, model)
+    return evaluated(informed(parts, base, holdout), base, holdout, oddities, progress)
+
+
+def evaluated(
+    parts: Sequence[View],
+    base: Base,
+    holdout: Holdout,
+    oddities: Sequence[Oddity] = (),
+    progress: Progress = _silent,
+) -> Case:
+    """Every candidate's columns on the given views, whitened."""
+    setting = setting_of(parts, base.model)
     slots = slots_of([*candidates(setting), *smooth_candidates(parts, setting)], base.size)
     runs: list[Run] = []
     for index, view in enumerate(parts):
@@ -278,22 +338,35 @@ def saturated(base: Base, slots: Sequence[Slot], rows: int) -> list[int]:
     return columns
 
 
-def _stages(study: Study, case: Case, findings: Sequence[Finding]) -> tuple[Stage, ...]:
-    stages = []
+def _stages(study: Study, case: Case, findings: Sequence[Finding]) -> tuple[tuple[Stage, ...], Refit]:
+    """The papers' model, and one stage more for each finding, with everything refitted at each.
+
+    What a finding's parameters are is said by the last fit, in which all effects stand.
+    """
+    fits = []
     for count in range(len(findings) + 1):
         chosen = [part for finding in findings[:count] for part in finding.parts]
-        alpha, loads, rms, vaf = _numbers(study, case, chosen)
-        added = findings[count - 1] if count else None
-        stages.append(Stage(added, rms, vaf, alpha, case.base.model.parameter_names, loads))
-    return tuple(stages)
+        fits.append(refit(case.views, chosen, case.base, case.holdout, case.taps))
+    parts = list(fits[-1].chosen)
+    stages = []
+    for count, fit in enumerate(fits):
+        added = None
+        if count:
+            finding = findings[count - 1]
+            own, parts = parts[: len(finding.parts)], parts[len(finding.parts) :]
+            added = refitted(finding, own)
+        alpha, loads, rms, vaf, names = _numbers(study, case, fit)
+        stages.append(Stage(added, rms, vaf, alpha, names, loads))
+    return tuple(stages), fits[-1]
 
 
-def _numbers(study: Study, case: Case, chosen: Sequence[Chosen]) -> proof.Numbers:
+def _numbers(study: Study, case: Case, fit: Refit) -> proof.Numbers:
     return proof.report(
-        case.views,
-        chosen,
+        fit.views,
+        fit.chosen,
         case.base,
         case.holdout,
         handle_mass_kg=study.setup.handle_mass_kg,
         prior=study.setup.prior_alpha,
+        covariance=fit.covariance,
     )

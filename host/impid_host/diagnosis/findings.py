@@ -10,9 +10,10 @@ from impid_host.diagnosis.choice import Table, p_value, ranking, score_of
 from impid_host.diagnosis.evidence import gain, projected, solve
 from impid_host.diagnosis.result import Chosen, Finding, Number, Rival, as_array
 from impid_host.effects.catalogue import CATALOGUE
+from impid_host.signals.arrays import Floats
 
 
-def findings_of(table: Table, active: Sequence[int], *, prismatic: bool) -> list[Finding]:
+def findings_of(table: Table, active: Sequence[int]) -> list[Finding]:
     """The chosen slots with parameters, evidence and runner-up."""
     beta, rss = solve(table.G, table.columns(active))
     columns = np.array(table.columns(active), dtype=int) + 1
@@ -30,7 +31,7 @@ def findings_of(table: Table, active: Sequence[int], *, prismatic: bool) -> list
                 effect=slot.candidate.effect,
                 where=slot.candidate.where,
                 parts=(chosen,),
-                parameters=parameters_of(chosen, prismatic=prismatic),
+                parameters=parameters_of(chosen),
                 share_of_residual=share,
                 p_value=p_value(table, [a for a in active if a != s], s),
                 runner_up=rival,
@@ -72,31 +73,54 @@ def _idle(table: Table, before: Sequence[int], s: int, other: int) -> bool:
     return more > 0 and score_of(table, before, other) < score_of(table, before, s)
 
 
-def parameters_of(chosen: Chosen, *, prismatic: bool = False) -> dict[str, Number]:
-    """Reported parameters with intervals by linear propagation; on a slide N and m stand for N m and rad."""
+def parameters_of(chosen: Chosen) -> dict[str, Number]:
+    """Reported parameters with intervals by linear propagation."""
     effect = CATALOGUE[chosen.candidate.effect]
     value = chosen.candidate.read(chosen.beta, chosen.shape)
-    sd = np.sqrt(np.maximum(np.diag(chosen.covariance), 0))
+    # The fine parameter is not reported, but it has widened the covariance of the others.
+    free = min(len(chosen.covariance), len(chosen.beta) + (len(chosen.candidate.shapes) > 1))
+    at = np.append(chosen.beta, chosen.shape)[:free]
+    covariance = chosen.covariance[:free, :free]
+    sd = np.sqrt(np.maximum(np.diag(covariance), 0))
+    slopes: dict[str, list[Floats]] = {name: [] for name in value}
+    for k in range(len(at)):
+        step = np.zeros_like(at)
+        step[k] = max(1e-3 * sd[k], 1e-9 * abs(at[k]), 1e-15)
+        moved = chosen.candidate.read(*_parted(at + step, chosen))
+        for name, own in value.items():
+            slopes[name].append((as_array(moved[name]) - as_array(own)) / step[k])
     result = {}
     for name, own in value.items():
-        center = as_array(own)
-        variance = np.zeros_like(center)
-        slopes = []
-        for k in range(len(chosen.beta)):
-            step = np.zeros_like(chosen.beta)
-            step[k] = max(1e-3 * sd[k], 1e-9 * abs(chosen.beta[k]), 1e-15)
-            slopes.append(
-                (as_array(chosen.candidate.read(chosen.beta + step, chosen.shape)[name]) - center) / step[k]
-            )
-        for i in range(len(slopes)):
-            for j in range(len(slopes)):
-                variance = variance + slopes[i] * slopes[j] * chosen.covariance[i, j]
+        center, slope = as_array(own), np.stack(slopes[name], axis=-1)
+        variance = np.einsum("...i,ij,...j->...", slope, covariance, slope)
         half = stats.norm.ppf(0.975) * np.sqrt(np.maximum(variance, 0))
-        unit = effect.unit(name)
-        if prismatic:
-            unit = unit.replace("N*m", "N").replace("rad", "m")
+        unit = chosen.candidate.units.get(name) or effect.unit(name)
         result[name] = Number(center, np.stack([center - half, center + half], axis=-1), unit)
     return result
+
+
+def _parted(at: Floats, chosen: Chosen) -> tuple[Floats, float]:
+    """Linear parameters and shape; the shape is among `at` where its uncertainty is known."""
+    size = len(chosen.beta)
+    return at[:size], float(at[size]) if len(at) > size else chosen.shape
+
+
+def refitted(finding: Finding, parts: Sequence[Chosen]) -> Finding:
+    """The finding with its parts' values from the joint fit."""
+    values = [parameters_of(part) for part in parts]
+    return replace(finding, parts=tuple(parts), parameters=_joined(values))
+
+
+def _joined(values: Sequence[dict[str, Number]]) -> dict[str, Number]:
+    """One part's numbers, or a value for each part."""
+    if len(values) == 1:
+        return dict(values[0])
+    return {
+        name: Number(
+            np.stack([v[name].value for v in values]), np.stack([v[name].ci95 for v in values]), first.unit
+        )
+        for name, first in values[0].items()
+    }
 
 
 def merged(findings: Sequence[Finding]) -> list[Finding]:
@@ -113,14 +137,7 @@ def merged(findings: Sequence[Finding]) -> list[Finding]:
             result[place],
             where=tuple(name for part in parts for name in part.candidate.where),
             parts=tuple(parts),
-            parameters={
-                name: Number(
-                    np.stack([v[name].value for v in values]),
-                    np.stack([v[name].ci95 for v in values]),
-                    values[0][name].unit,
-                )
-                for name in values[0]
-            },
+            parameters=_joined(values),
             share_of_residual=min(1.0, result[place].share_of_residual + finding.share_of_residual),
             p_value=max(result[place].p_value, finding.p_value),
         )

@@ -5,26 +5,30 @@ what the papers' model gives, and every later stage is the same with corrected s
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
-from scipy import stats
 
-from impid_host.diagnosis.base import Base, equilibrium
+from impid_host.diagnosis.base import Base
 from impid_host.diagnosis.holdout import Holdout, settled
+from impid_host.diagnosis.own_robot import estimate_robot, given_robot, shows_robot
+from impid_host.diagnosis.parameters import at, moves, vector_of
 from impid_host.diagnosis.result import Chosen, Number
 from impid_host.effects.view import View
-from impid_host.errors import UndeterminedError
 from impid_host.impedance.identify import RobotParameters, physical_equation, robot_equation, virtual_equation
-from impid_host.impedance.linear import Estimate, fit_linear
+from impid_host.impedance.linear import Estimate, Stretch, fit_linear
 from impid_host.impedance.loads import LoadModel
+from impid_host.impedance.matrices import load_matrices
 from impid_host.impedance.rows import SERIES_RATE_HZ, Equation, series, stretches
 from impid_host.robot.terms import RobotStructure
-from impid_host.signals.align import AlignedTrial, joint_acceleration
+from impid_host.signals.align import AlignedTrial, base_frame_acceleration, joint_acceleration
 from impid_host.signals.arrays import Floats
 from impid_host.signals.chain import DEFAULT, Chain
 
-Numbers = tuple[Number, Mapping[str, Mapping[str, Number]], dict[str, float], dict[str, float]]
+Numbers = tuple[
+    Number, Mapping[str, Mapping[str, Number]], dict[str, float], dict[str, float], tuple[str, ...]
+]
 
 
 def corrected(view: View, chosen: Sequence[Chosen]) -> View:
@@ -49,9 +53,7 @@ def aligned(view: View) -> AlignedTrial:
     """The view as `fit` sees a trial: accelerations by the accelerometer where there is one."""
     acc, a = view.acc, view.a
     if view.measured is not None and view.predicted is not None and view.sensor_angle is not None:
-        c, s = np.cos(view.sensor_angle), np.sin(view.sensor_angle)
-        first, second = view.measured.T
-        a = np.stack([c * first - s * second, s * first + c * second], axis=1)
+        a = base_frame_acceleration(view.measured, view.sensor_angle, view.model.plane_gravity_m_s2)
         J_rate = view.model.jacobian_rate(view.theta, view.omega)
         acc = joint_acceleration(a, view.J, J_rate, view.omega)
     chain = DEFAULT
@@ -76,6 +78,23 @@ def aligned(view: View) -> AlignedTrial:
     )
 
 
+@dataclass(frozen=True, slots=True)
+class _Fit:
+    """Robot and loads as `fit` finds them in corrected signals.
+
+    Attributes:
+        alpha: None where the robot is known from elsewhere; loads: by name.
+        free, virtual, physical: their equations, virtual and physical by load.
+    """
+
+    alpha: Estimate | None
+    robot: RobotParameters
+    loads: dict[str, Estimate]
+    free: list[tuple[View, Equation]]
+    virtual: dict[str, list[tuple[View, Equation]]]
+    physical: dict[str, list[tuple[View, Equation]]]
+
+
 def report(
     views: Sequence[View],
     chosen: Sequence[Chosen],
@@ -84,45 +103,36 @@ def report(
     *,
     handle_mass_kg: float,
     prior: Sequence[float] | None,
+    covariance: Floats | None = None,
 ) -> Numbers:
-    """alpha, loads, validation rms and VAF with the chosen effects taken out.
+    """alpha, loads, validation rms and VAF, and what alpha's entries are, with the chosen effects taken out.
+
+    Args:
+        covariance: (k, k) of all effects' parameters, for the intervals of alpha and the loads; None: known
+            exactly.
 
     Raises:
         UndeterminedError: the fit part does not determine the parameters.
     """
-    chain = DEFAULT
-    pairs = [(view, aligned(corrected(view, chosen))) for view in views]
+    fit = _fitted(views, chosen, base, holdout, prior)
+    if covariance is not None and len(covariance):
+        fit = _widened(fit, views, chosen, covariance, base, holdout, prior)
     rms: dict[str, float] = {}
     vaf: dict[str, float] = {}
-    structure = RobotStructure(base.model)
-    free = [(view, robot_equation(trial, structure, chain)) for view, trial in pairs if view.load is None]
-    if free:
-        estimate = _estimate(free, holdout, structure.parameter_names, structure.parameter_units, chain, None)
-        robot = RobotParameters(structure, estimate.value, estimate.covariance, "free trials")
-        names = [f"tau{joint + 1}" for joint in range(base.model.joints)]
-        _judge(free, estimate.value, holdout, names, rms, vaf)
-        alpha = Number(estimate.value, estimate.ci95, "SI")
-    else:
-        robot = _prior(structure, prior)
-        alpha = Number(robot.value, np.stack([robot.value, robot.value], axis=1), "SI")
+    alpha = _alpha_number(fit)
+    if fit.free:
+        channels = [f"tau{joint + 1}" for joint in range(base.model.joints)]
+        _judge(fit.free, fit.robot.value, holdout, channels, rms, vaf)
     loads: dict[str, dict[str, Number]] = {}
     held: dict[str, list[tuple[Floats, Floats]]] = {}
     for name, load in base.loads:
-        members = [(view, trial) for view, trial in pairs if view.load == name]
-        virtual = [(view, virtual_equation(trial, robot, load, chain)) for view, trial in members]
-        estimate = _estimate(
-            virtual, holdout, load.parameter_names, load.parameter_units, chain, robot.covariance
-        )
+        estimate, virtual = fit.loads[name], fit.virtual[name]
         loads[name] = _load_numbers(load, estimate, handle_mass_kg)
         held.setdefault("f", []).append(_held(virtual, estimate.value, holdout))
-        if all(trial.force is not None for _, trial in members):
-            physical = [(view, physical_equation(trial, load, chain)) for view, trial in members]
+        if name in fit.physical:
             both = [
-                (
-                    view,
-                    Equation(eq.trial, np.zeros((*eq.target.shape, 1)), eq.target - other.target),
-                )
-                for (view, eq), (_, other) in zip(virtual, physical, strict=True)
+                (view, Equation(eq.trial, np.zeros((*eq.target.shape, 1)), eq.target - other.target))
+                for (view, eq), (_, other) in zip(virtual, fit.physical[name], strict=True)
             ]
             held.setdefault("fs", []).append(_held(both, np.zeros(1), holdout, of=virtual))
     for start, parts in held.items():
@@ -130,9 +140,95 @@ def report(
         residual = np.concatenate([part[1] for part in parts])
         spread = np.mean([np.var(part[0], axis=0) for part in parts], axis=0)
         for axis, letter in enumerate(base.model.task_axes):
-            rms[start + letter] = float(np.sqrt(np.mean(residual[:, axis] ** 2))) if len(target) else 0.0
-            vaf[start + letter] = _vaf(residual[:, axis], float(spread[axis]))
-    return alpha, loads, rms, vaf
+            key = channel(start, letter, has_torque="tau1" in rms)
+            rms[key] = float(np.sqrt(np.mean(residual[:, axis] ** 2))) if len(target) else 0.0
+            vaf[key] = _vaf(residual[:, axis], float(spread[axis]))
+    names = base.model.parameter_names if fit.alpha is None else fit.alpha.names
+    return alpha, loads, rms, vaf, names
+
+
+def channel(start: str, letter: str, *, has_torque: bool) -> str:
+    """`fx`, `fsx`; a rotary joint's load is a torque against an angle, and its error one of torque."""
+    if letter != "theta":
+        return start + letter
+    return "tau1_load" if has_torque else "tau1"
+
+
+def _fitted(
+    views: Sequence[View],
+    chosen: Sequence[Chosen],
+    base: Base,
+    holdout: Holdout,
+    prior: Sequence[float] | None,
+) -> _Fit:
+    chain = DEFAULT
+    pairs = [(view, aligned(corrected(view, chosen))) for view in views]
+    structure = RobotStructure(base.model)
+    known = prior is not None and all(view.load is not None for view in views)
+    shown = [] if known else shows_robot(pairs)
+    own = [(view, robot_equation(trial, structure, chain)) for view, trial in shown]
+    alpha = None
+    if own:
+        alpha = estimate_robot(_rows(own, holdout, chain), structure, chain)
+        origin: Literal["free trials", "force sensor"] = (
+            "free trials" if own[0][0].load is None else "force sensor"
+        )
+        robot = RobotParameters(structure, alpha.value, alpha.covariance, origin)
+    else:
+        robot = given_robot(base, prior)
+    free = [(view, equation) for view, equation in own if view.load is None]
+    loads = {}
+    virtual: dict[str, list[tuple[View, Equation]]] = {}
+    physical: dict[str, list[tuple[View, Equation]]] = {}
+    for name, load in base.loads:
+        members = [(view, trial) for view, trial in pairs if view.load == name]
+        virtual[name] = [(view, virtual_equation(trial, robot, load, chain)) for view, trial in members]
+        loads[name] = _estimate(
+            virtual[name], holdout, load.parameter_names, load.parameter_units, chain, robot.covariance
+        )
+        if all(trial.force is not None for _, trial in members):
+            physical[name] = [(view, physical_equation(trial, load, chain)) for view, trial in members]
+    return _Fit(alpha, robot, loads, free, virtual, physical)
+
+
+def _widened(
+    fit: _Fit,
+    views: Sequence[View],
+    chosen: Sequence[Chosen],
+    covariance: Floats,
+    base: Base,
+    holdout: Holdout,
+    prior: Sequence[float] | None,
+) -> _Fit:
+    """The fit, with the effects' uncertainty propagated into its covariances.
+
+    What is left of the effects' errors is orthogonal to the errors at known effects (partitioned least
+    squares), so the two covariances add.
+    """
+    vector, size = vector_of(chosen), moves(chosen, np.sqrt(np.diag(covariance)))
+    moved = []
+    for k in range(len(vector)):
+        step = np.zeros_like(vector)
+        step[k] = size[k]
+        other = _fitted(views, at(chosen, vector + step), base, holdout, prior)
+        moved.append((other, step[k]))
+
+    def wider(own: Estimate, others: Sequence[Estimate]) -> Estimate:
+        pairs = zip(others, moved, strict=True)
+        slope = np.stack([(other.value - own.value) / step for other, (_, step) in pairs], axis=1)
+        return replace(own, covariance=own.covariance + slope @ covariance @ slope.T)
+
+    alpha = None
+    if fit.alpha is not None:
+        alpha = wider(fit.alpha, [other.alpha for other, _ in moved if other.alpha is not None])
+    loads = {name: wider(own, [other.loads[name] for other, _ in moved]) for name, own in fit.loads.items()}
+    return replace(fit, alpha=alpha, loads=loads)
+
+
+def _alpha_number(fit: _Fit) -> Number:
+    if fit.alpha is not None:
+        return Number(fit.alpha.value, fit.alpha.ci95, "SI")
+    return Number(fit.robot.value, np.stack([fit.robot.value, fit.robot.value], axis=1), "SI")
 
 
 def _estimate(
@@ -141,14 +237,18 @@ def _estimate(
     names: tuple[str, ...],
     units: tuple[str, ...],
     chain: Chain,
-    covariance: Floats | None,
+    covariance: Floats,
 ) -> Estimate:
-    rows = [
+    rows = _rows(equations, holdout, chain)
+    return fit_linear(rows, names, units, ar_order=chain.ar_order, nuisance_covariance=covariance)
+
+
+def _rows(equations: Sequence[tuple[View, Equation]], holdout: Holdout, chain: Chain) -> list[Stretch]:
+    return [
         stretch
         for view, equation in equations
         for stretch in stretches(equation, holdout.mask(view, "fit") & equation.trial.valid, chain)
     ]
-    return fit_linear(rows, names, units, ar_order=chain.ar_order, nuisance_covariance=covariance)
 
 
 def _held(
@@ -187,35 +287,6 @@ def _vaf(residual: Floats, spread: float) -> float:
 
 
 def _load_numbers(load: LoadModel, estimate: Estimate, handle_mass_kg: float) -> dict[str, Number]:
-    result = {}
-    for letter, signal, unit in (("M", "a", "kg"), ("B", "v", "N*s/m"), ("K", "x", "N/m")):
-        S = load.matrix_map(signal)  # type: ignore[arg-type]
-        if not S.any():
-            continue
-        value = S @ estimate.value
-        half = stats.t.ppf(0.975, estimate.dof) * np.sqrt(np.diag(S @ estimate.covariance @ S.T))
-        handle = handle_mass_kg * np.eye(2) if load.carries_handle and letter == "M" else np.zeros((2, 2))
-        interval = np.stack([value - half, value + half], axis=1).reshape(2, 2, 2)
-        result[letter] = Number(value.reshape(2, 2) - handle, interval - handle[:, :, None], unit)
-    result["x0"] = _place(load, estimate)
-    return result
-
-
-def _place(load: LoadModel, estimate: Estimate) -> Number:
-    x0, K = equilibrium(load, estimate.value)
-    S = load.matrix_map("x").reshape(2, 2, -1)
-    slope = -np.einsum("ijq,j->iq", S, x0)
-    slope[:, [load.parameter_names.index("cx"), load.parameter_names.index("cy")]] += np.eye(2)
-    slope = np.linalg.solve(K, slope)
-    half = stats.t.ppf(0.975, estimate.dof) * np.sqrt(np.diag(slope @ estimate.covariance @ slope.T))
-    return Number(x0, np.stack([x0 - half, x0 + half], axis=1), "m")
-
-
-def _prior(structure: RobotStructure, prior: Sequence[float] | None) -> RobotParameters:
-    size = len(structure.parameter_names)
-    if prior is None or len(prior) != size:
-        raise UndeterminedError(
-            f"no free trial and no [prior] alpha of {size} values in setup.toml, so the robot is unknown; "
-            "record a free trial"
-        )
-    return RobotParameters(structure, np.array(prior), np.zeros((size, size)), "prior")
+    matrices = load_matrices(load, estimate, handle_mass_kg)
+    quantities = {"M": matrices.M, "B": matrices.B, "K": matrices.K, "x0": matrices.x0}
+    return {name: Number(q.value, q.ci95, q.unit) for name, q in quantities.items() if q is not None}

@@ -25,13 +25,15 @@ class Chosen:
     """An effect in the model.
 
     Attributes:
-        beta: (q,); covariance: (q, q); shape: the non-linear parameter.
+        beta: (q,); shape: the non-linear parameter; fine: that of `candidate.finer`, None where not used.
+        covariance: of beta, or of beta, the shape where there is one, and log(fine) where it is used.
     """
 
     candidate: Candidate
     shape: float
     beta: Floats
     covariance: Floats
+    fine: float | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -29,7 +29,8 @@ class Setting:
     """What of the apparatus decides which candidates make sense.
 
     Attributes:
-        joints: number of joints; prismatic: the axis is one of translation.
+        joints: number of joints; slides: which of them are prismatic, n of them.
+        planar: two task axes; axes: how many there are; rotary_load: the load is a torque at the joint.
         span: range of each joint's angle, rad (m), (n,).
         speed: 95th percentile of each joint's speed, rad/s (m/s), (n,).
         reach: range of the end-effector in load trials, m; 0 without load trials.
@@ -39,8 +40,10 @@ class Setting:
     """
 
     joints: int
-    prismatic: bool
+    slides: tuple[bool, ...]
     planar: bool
+    axes: int
+    rotary_load: bool
     span: Floats
     speed: Floats
     reach: float
@@ -68,7 +71,10 @@ class Candidate:
         shapes: values of the non-linear parameter to try; one meaningless 0 where there is none.
         gate: whether beta and shape are physically possible (a friction does not drive).
         variant: what tells candidates of one name and place apart.
+        units: of the reported parameters, where they differ from the catalogue's.
         undo: takes the effect out of a trial exactly, where subtracting its columns would not.
+        finer: the same effect with one positive parameter more, too fine to choose by, but whose neglect
+            would bias the others; fines: where to begin looking for it.
     """
 
     effect: str
@@ -79,7 +85,10 @@ class Candidate:
     shapes: tuple[float, ...] = (0.0,)
     gate: Gate = _always
     variant: str = ""
+    units: Mapping[str, str] = field(default_factory=dict)
     undo: Callable[[View, Floats], View] | None = None
+    finer: "Callable[[float], Candidate] | None" = None
+    fines: tuple[float, ...] = ()
 
     @property
     def label(self) -> str:

@@ -29,6 +29,11 @@ def shifted(view: View, joint: int, error: Floats, slope: Floats, bend: Floats) 
     return with_motion(view, theta, omega, acc)
 
 
+def turning(setting: Setting) -> list[int]:
+    """The joints that turn; a linear encoder has no circle to be off centre on."""
+    return [joint for joint in range(setting.joints) if not setting.slides[joint]]
+
+
 def _sensitivity(view: View, *moved: View) -> Columns:
     """Change of the prediction per rad of error."""
     if view.respond is None:
@@ -42,9 +47,7 @@ def _sensitivity(view: View, *moved: View) -> Columns:
 
 
 def _zero(setting: Setting) -> Iterator[Candidate]:
-    if setting.prismatic:
-        return
-    for joint in range(setting.joints):
+    for joint in turning(setting):
 
         def columns(view: View, _shape: float, joint: int = joint) -> Columns:
             flat = np.zeros_like(view.t)
@@ -62,9 +65,7 @@ def _zero(setting: Setting) -> Iterator[Candidate]:
 
 
 def _eccentricity(setting: Setting) -> Iterator[Candidate]:
-    if setting.prismatic:
-        return
-    for joint in range(setting.joints):
+    for joint in turning(setting):
 
         def columns(view: View, _shape: float, joint: int = joint) -> Columns:
             c = _STEP_RAD * np.cos(view.theta[:, joint])
@@ -124,12 +125,12 @@ def _drift(setting: Setting) -> Iterator[Candidate]:
             slope = rate_of(view.torque_model, view.dt)
             late = [lateness(view, degree)[:, None] for degree in degrees]
             result = {
-                "angle": np.stack([view.omega * e for e in late], axis=2),
-                "torque": np.stack([slope * e for e in late], axis=2),
+                "angle": np.stack([-view.omega * e for e in late], axis=2),
+                "torque": np.stack([-slope * e for e in late], axis=2),
             }
             if view.load is not None and view.force is not None and view.respond is not None:
                 pull = rate_of(view.respond(view)["force"], view.dt)
-                result["force"] = np.stack([pull * e for e in late], axis=2)
+                result["force"] = np.stack([-pull * e for e in late], axis=2)
             return result
 
         def read(beta: Floats, _shape: float) -> dict[str, Value]:
@@ -151,8 +152,13 @@ def _retimed(view: View, degrees: tuple[int, ...], beta: Floats) -> View:
     late = sum((b * lateness(view, k) for b, k in zip(beta, degrees, strict=True)), np.zeros_like(view.t))
     if view.theta_robot is None:
         return view
-    force = None if view.force is None else advanced(view.force, view.t, -late)
-    return replace(view, tau=advanced(view.tau, view.t, -late), force=force)
+    force = None if view.force is None else advanced(view.force, view.t, late)
+    return replace(
+        view,
+        tau=advanced(view.tau, view.t, late),
+        theta_robot=advanced(view.theta_robot, view.t, late),
+        force=force,
+    )
 
 
 EFFECTS = (
@@ -174,7 +180,7 @@ EFFECTS = (
     ),
     Effect(
         "clock.drift",
-        "the robot's rows are late by seconds * P_k(time), k = 2 and up: Legendre polynomials over the trial",
+        "what a row of the robot's shows is late by seconds * P_k(time), k = 2 and up: Legendre polynomials",
         "clock",
         (Parameter("seconds", "s"),),
         "study format, Conventions",

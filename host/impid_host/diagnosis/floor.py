@@ -1,0 +1,175 @@
+"""What noise alone leaves in each channel, told without the model that is judged by it.
+
+A saturated regression (the papers' model, every effect of the catalogue at several shapes, smooth curves of
+everything) leaves noise, less the share that so many columns take by chance; that share is given back by the
+rows' leverage. The noise of torque and of acceleration is then propagated through the robot model and the
+virtual sensor, as the signals are.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import signal
+
+from impid_host.diagnosis.base import Base
+from impid_host.diagnosis.holdout import Holdout
+from impid_host.diagnosis.proof import channel, corrected
+from impid_host.diagnosis.refit import Refit
+from impid_host.diagnosis.rows import Run, build_runs
+from impid_host.effects.view import ANGLE, View
+from impid_host.signals.arrays import Floats
+from impid_host.signals.chain import PUBLISHED_CUTOFF_HZ
+
+_EDGE_S = 0.3  # where the narrow filter has not settled
+PER_COLUMN = 6  # independent rows for each column of the saturated regression
+
+
+@dataclass(frozen=True, slots=True)
+class _Noise:
+    """Noise of one trial's held-out rows, (N, c) by family, and where in the view they lie, (N,)."""
+
+    view: View
+    place: Floats
+    by_family: Mapping[str, Floats]
+
+
+def noise_floor(
+    fit: Refit, base: Base, holdout: Holdout, runs: Sequence[Run], columns: Sequence[int]
+) -> dict[str, float]:
+    """rms by channel, keyed as `validation_rms`.
+
+    Args:
+        fit: effects that are taken out first; what they miss, the columns take.
+        runs: raw rows of the saturated regression; columns: which of their columns.
+    """
+    noise = _noise(fit, base, holdout, runs, columns)
+    free = any(view.load is None for view in fit.views)
+    squares: dict[str, list[Floats]] = {}
+    for part in noise:
+        for key, value in _propagated(part, fit, base, free=free).items():
+            squares.setdefault(key, []).append(value)
+    return {key: float(np.sqrt(np.mean(np.concatenate(parts)))) for key, parts in squares.items()}
+
+
+def _noise(
+    fit: Refit, base: Base, holdout: Holdout, runs: Sequence[Run], columns: Sequence[int]
+) -> list[_Noise]:
+    plain = [run for view in fit.views for run in build_runs(corrected(view, fit.chosen), base, [], holdout)]
+    extra = {_name(run): run for run in runs}
+    by_key: dict[tuple[str, int], list[tuple[Run, Floats, Floats]]] = {}
+    keep = [k for k in columns if k >= base.size]
+    for run in plain:
+        other = extra.get(_name(run))
+        if run.family == ANGLE or other is None or len(other.target) != len(run.target):
+            continue
+        narrow = _narrow(np.column_stack([run.target, run.design, other.design[:, keep]]), run.step_s)
+        if narrow is not None:
+            by_key.setdefault(run.key, []).append((run, narrow[0], run.begin_s + narrow[1]))
+    left: dict[str, dict[tuple[str, int], list[Floats]]] = {}
+    for key, parts in by_key.items():
+        stacked = np.concatenate([rows for _, rows, _ in parts])
+        residual, leverage = _residual(stacked[:, 0], stacked[:, 1:], parts[0][0].step_s)
+        held = np.concatenate([np.full(len(rows), run.part == "validation") for run, rows, _ in parts])
+        share = float(np.mean(leverage[held])) if held.any() else 0.0
+        residual = residual / np.sqrt(max(1.0 - share, 0.1))
+        first = 0
+        for run, rows, place in parts:
+            own = residual[first : first + len(rows)]
+            first += len(rows)
+            if run.part == "validation":
+                left.setdefault(run.trial, {}).setdefault(key, []).append(np.column_stack([place, own]))
+    views = {view.name: view for view in fit.views}
+    return [_of_trial(views[trial], channels) for trial, channels in left.items()]
+
+
+def _of_trial(view: View, channels: Mapping[tuple[str, int], Sequence[Floats]]) -> _Noise:
+    joined = {key: np.concatenate(parts) for key, parts in channels.items()}
+    families = {family for family, _ in joined}
+    place = np.round(next(iter(joined.values()))[:, 0] / view.dt).astype(int)
+    by_family = {
+        family: np.stack([joined[key][:, 1] for key in sorted(joined) if key[0] == family], axis=1)
+        for family in families
+    }
+    return _Noise(view, place, by_family)
+
+
+def _name(run: Run) -> tuple[str, str, int, str, float]:
+    return (run.trial, run.family, run.channel, run.part, round(run.begin_s, 6))
+
+
+def _narrow(rows: Floats, step_s: float) -> tuple[Floats, Floats] | None:
+    """The rows in the band that is reported, without their ends; and their times since the run began."""
+    edge = round(_EDGE_S / step_s)
+    if len(rows) < 4 * edge + 30:
+        return None
+    used = np.any(rows != 0, axis=0)
+    sos = signal.butter(5, PUBLISHED_CUTOFF_HZ, fs=1 / step_s, output="sos")
+    result = np.zeros_like(rows)
+    result[:, used] = signal.sosfiltfilt(sos, rows[:, used], axis=0)
+    inside = slice(edge, len(rows) - edge)
+    return result[inside], np.asarray(step_s * np.arange(len(rows))[inside], dtype=np.float64)
+
+
+def _residual(target: Floats, design: Floats, step_s: float) -> tuple[Floats, Floats]:
+    """Residual (N,) of a least-squares fit, and the leverage of each row for noise of the band, (N,)."""
+    size = np.linalg.norm(design, axis=0)
+    used = size > 1e-12 * size.max()
+    U, s, _ = np.linalg.svd(design[:, used] / size[used], full_matrices=False)
+    U = U[:, s > 1e-7 * s[0]]
+    # Rows are denser than the band asks for: noise has 2 * cut-off independent values a second.
+    independent = min(1.0, 2 * PUBLISHED_CUTOFF_HZ * step_s)
+    return target - U @ (U.T @ target), np.sum(U**2, axis=1) / independent
+
+
+def _propagated(noise: _Noise, fit: Refit, base: Base, *, free: bool) -> dict[str, Floats]:
+    """Squared noise of each reported channel of one trial, (N,)."""
+    view, k = noise.view, noise.place
+    tau = noise.by_family["torque"]
+    felt = noise.by_family.get("specific_force")
+    along = None
+    if felt is not None and view.sensor_angle is not None:
+        c, s = np.cos(view.sensor_angle[k]), np.sin(view.sensor_angle[k])
+        turn = np.stack([np.stack([c, -s], axis=1), np.stack([s, c], axis=1)], axis=1)
+        along = np.einsum("kij,kj->ki", turn, felt)
+    J = view.J[k]
+    robot = len(base.model.parameter_names)
+    inertia = _inertia(base, view.theta[k], fit.base[:robot])
+    through = None if along is None else np.linalg.solve(J, along[:, :, None])[:, :, 0]
+    by_acc = None if through is None else np.einsum("kij,kj->ki", inertia, through)
+    torque = tau**2 if by_acc is None else tau**2 + by_acc**2
+    torques = {f"tau{joint + 1}": torque[:, joint] for joint in range(view.joints)}
+    if view.load is None:
+        return torques
+    J_T = np.swapaxes(J, 1, 2)
+    force = np.linalg.pinv(J_T) @ tau[:, :, None]
+    squares = force[:, :, 0] ** 2
+    virtual = squares
+    if by_acc is not None and along is not None:
+        robot_part = (np.linalg.pinv(J_T) @ by_acc[:, :, None])[:, :, 0]
+        load = dict(base.loads)[view.load]
+        d = len(load.axes)
+        M = (load.matrix_map("a") @ fit.base[base.slot(view.load)]).reshape(d, d)
+        squares = squares + (robot_part + along @ M.T) ** 2
+        virtual = virtual + robot_part**2
+    axes = base.model.task_axes
+    result = {} if free else torques
+    parts = {"f": squares}
+    if "force" in noise.by_family:
+        parts["fs"] = virtual + noise.by_family["force"] ** 2
+    for start, values in parts.items():
+        for axis, letter in enumerate(axes):
+            result[channel(start, letter, has_torque=free)] = values[:, axis]
+    return result
+
+
+def _inertia(base: Base, theta: Floats, alpha: Floats) -> Floats:
+    """Joint inertia matrices by the robot's regressor, (N, n, n)."""
+    still = np.zeros_like(theta)
+    level = base.model.regressor(theta, still, still) @ alpha
+    columns = []
+    for joint in range(theta.shape[1]):
+        unit = still.copy()
+        unit[:, joint] = 1.0
+        columns.append(base.model.regressor(theta, still, unit) @ alpha - level)
+    return np.stack(columns, axis=2)
