@@ -5,6 +5,7 @@ from collections.abc import Callable, Iterator, Sequence
 import numpy as np
 from scipy.interpolate import BSpline
 
+from impid_host.diagnosis.dynamic import response_candidates
 from impid_host.diagnosis.result import UNATTRIBUTED
 from impid_host.effects.effect import Candidate, Setting, sign_mean
 from impid_host.effects.view import Columns, View
@@ -52,6 +53,7 @@ def smooth_candidates(parts: Sequence[View], setting: Setting) -> list[Candidate
     kinds = ("torque", "force of the load") if setting.planar else ("torque",)
     result += [_friction_by_pull(joint, of) for joint in range(setting.joints) for of in kinds]
     result += [_one_trial(view) for view in parts]
+    result += response_candidates(setting)
     for name, variable in variables(setting).items():
         values = np.concatenate([variable(view)[view.valid] for view in parts])
         low, high = np.percentile(values, [0.2, 99.8])

@@ -68,17 +68,26 @@ def _transmission(setting: Setting) -> Iterator[Candidate]:
     for joint in range(setting.joints):
 
         def columns(view: View, _shape: float, joint: int = joint) -> Columns:
-            # Joint-side encoder: the rotor runs ahead by tau/k, so that tau += (J_m / k) tau''.
-            torque = view.torque_model[:, joint]
-            return on_joint(view, joint, rate_of(rate_of(torque, view.dt), view.dt))
+            # Joint-side encoder: the rotor runs ahead by the torque of the spring over k, so that
+            # tau += (J_m / k) d2/dt2 (tau - J_m theta''); the second term tells J_m from k.
+            torque, acc = view.torque_model[:, joint], view.acc[:, joint]
+            bend = [rate_of(rate_of(signal, view.dt), view.dt) for signal in (torque, acc)]
+            return on_joint(view, joint, *bend)
 
         yield Candidate(
             "elastic.transmission",
             (joint_name(joint),),
             columns,
-            lambda beta, _shape: {"inertia_over_stiffness": float(beta[0])},
+            _read_transmission,
+            size=2,
             gate=lambda beta, _shape: bool(beta[0] > 0),
         )
+
+
+def _read_transmission(beta: Floats, _shape: float) -> dict[str, float]:
+    """beta = (J_m / k, -J_m^2 / k)."""
+    inertia = float(-beta[1] / beta[0])
+    return {"stiffness": inertia / float(beta[0]), "motor_inertia": inertia}
 
 
 def _damping_cartesian(setting: Setting) -> Iterator[Candidate]:
@@ -200,10 +209,9 @@ EFFECTS = (
     ),
     Effect(
         "elastic.transmission",
-        "tau += (motor_inertia / stiffness) tau'' behind a joint-side encoder",
+        "tau += (motor_inertia / stiffness) (tau - motor_inertia theta'')'' behind a joint-side encoder",
         "robot",
         (
-            Parameter("inertia_over_stiffness", "s^2", 0),
             Parameter("stiffness", "N*m/rad", 0),
             Parameter("motor_inertia", "kg*m^2", 0),
         ),

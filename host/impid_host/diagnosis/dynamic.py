@@ -1,0 +1,72 @@
+"""Linear dynamics without a cause: a torque that follows the motion by any response in frequency.
+
+A resonance, a leaky filter, a compliance of the wrong sign: none is in the catalogue, and all of them look a
+little like springs, delays and masses that are.
+"""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from impid_host.diagnosis.result import UNATTRIBUTED
+from impid_host.effects.effect import Candidate, Setting, at_tip, on_joint
+from impid_host.effects.view import Columns, View
+from impid_host.signals.arrays import Floats
+
+NODES_HZ = (0.0, 0.3, 0.6, 0.9, 1.25, 1.6, 2.0, 2.6, 3.4, 4.5, 6.0, 8.0)
+RESPONSE = "response"
+
+
+def response_candidates(setting: Setting) -> Iterator[Candidate]:
+    """Each joint's torque after its own acceleration; each component of the end-effector's force likewise."""
+    for joint in range(setting.joints):
+
+        def own(view: View, _shape: float, joint: int = joint) -> Columns:
+            return on_joint(view, joint, *filtered(view.acc[:, joint], view.dt))
+
+        yield _candidate(f"tau{joint + 1}", own, f"theta{joint + 1}")
+    if not setting.planar:
+        return
+    for axis, letter in enumerate("xy"):
+
+        def pulled(view: View, _shape: float, axis: int = axis) -> Columns:
+            if view.load is None:
+                return {}
+            return at_tip(view, *(_along(view, axis, c) for c in filtered(view.a[:, axis], view.dt)))
+
+        yield _candidate(f"f{letter}", pulled, letter)
+
+
+def filtered(values: Floats, dt: float) -> list[Floats]:
+    """`values` (N,) in triangular bands of frequency, each in phase and a quarter turn late.
+
+    Any sum of them is a response that is linear in frequency between the nodes.
+    """
+    count = len(values)
+    size = 2 * count  # the other half is silence, so that the end does not reach the beginning
+    spectrum = np.fft.rfft(values, size)
+    frequency = np.fft.rfftfreq(size, dt)
+    result: list[Floats] = []
+    for node in range(1, len(NODES_HZ)):
+        height = np.zeros(len(NODES_HZ))
+        height[node] = 1.0
+        weight = np.interp(frequency, NODES_HZ, height)
+        result += [np.fft.irfft(spectrum * weight * turn, size)[:count] for turn in (1.0, -1j)]
+    return result
+
+
+def _along(view: View, axis: int, column: Floats) -> Floats:
+    force = np.zeros_like(view.x)
+    force[:, axis] = column
+    return force
+
+
+def _candidate(on: str, columns: object, of: str) -> Candidate:
+    return Candidate(
+        UNATTRIBUTED,
+        (on, "frequency"),
+        columns,  # type: ignore[arg-type]
+        lambda _beta, _shape: {},
+        size=2 * (len(NODES_HZ) - 1),
+        variant=f"{RESPONSE} to {of}",
+    )

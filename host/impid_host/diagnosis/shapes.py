@@ -1,0 +1,133 @@
+"""The curves without a cause, as shapes that a reader can look at."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from impid_host.diagnosis.choice import Table
+from impid_host.diagnosis.dynamic import NODES_HZ, RESPONSE
+from impid_host.diagnosis.evidence import gain, projected, solve
+from impid_host.diagnosis.result import Structure
+from impid_host.diagnosis.rows import Slot
+from impid_host.diagnosis.smooth import curve_basis, pull
+from impid_host.effects.view import View
+from impid_host.signals.arrays import Floats
+
+_NOTHING = np.zeros((0, 2))
+
+
+def structures(
+    table: Table, active: Sequence[int], curves: Sequence[int], views: Sequence[View]
+) -> list[Structure]:
+    """One entry for each slot of `curves`, given the effects `active`."""
+    columns = table.columns([*active, *curves])
+    beta, _ = solve(table.G, columns)
+    place = np.array(columns, dtype=int) + 1
+    covariance = np.linalg.pinv(table.G[np.ix_(place, place)])
+    first = len(table.columns(active))
+    result = []
+    for order, s in enumerate(curves):
+        slot = table.slots[s]
+        own = slice(first, first + slot.candidate.size)
+        first = own.stop
+        share = _share(table, [*active, *curves[:order]], s)
+        result.append(_shape(slot, share, beta[own], covariance[own, own], views))
+    return result
+
+
+def _shape(slot: Slot, share: float, beta: Floats, covariance: Floats, views: Sequence[View]) -> Structure:
+    on, variable = slot.candidate.where
+    variant = slot.candidate.variant
+    if variable == "one_trial":
+        sentence = f"trial {variant} is unlike the others"
+        return Structure(variable, on, share, _NOTHING, _NOTHING, sentence)
+    if variant.startswith(RESPONSE):
+        return _response(slot, share, beta, covariance, views)
+    if variable == "direction":
+        values = np.concatenate([pull(view, int(on[-1]) - 1, variant)[view.valid] for view in views])
+        grid = np.linspace(0.0, float(np.percentile(values, 99.5)), 41)
+        basis = grid[:, None]
+    else:
+        values = np.concatenate([values_of(view, variable)[view.valid] for view in views])
+        low, high = np.percentile(values, [0.2, 99.8])
+        grid = np.linspace(low, high, 41)
+        basis = curve_basis(grid, float(low), float(high), len(beta))
+    curve = basis @ beta
+    half = 1.96 * np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", basis, covariance, basis), 0))
+    factor = variant.split(" times ")[0] if " times " in variant else ""
+    return Structure(
+        variable=variable,
+        on=on,
+        share=share,
+        curve=np.stack([grid, curve], axis=1),
+        band=np.stack([curve - half, curve + half], axis=1),
+        words=words(variable, on, grid, curve, factor, variant),
+    )
+
+
+def _response(slot: Slot, share: float, beta: Floats, covariance: Floats, views: Sequence[View]) -> Structure:
+    """Root mean square of what each band of frequencies adds to the channel."""
+    on = slot.candidate.where[0]
+    pieces = [slot.candidate.columns(view, 0.0)["torque"][view.valid] for view in views if _has(slot, view)]
+    block = np.concatenate([piece.reshape(-1, len(beta)) for piece in pieces])
+    frequency = np.array(NODES_HZ[1:])
+    power = block.T @ block / len(block)
+    size, half = np.zeros(len(frequency)), np.zeros(len(frequency))
+    for k in range(len(frequency)):
+        own = slice(2 * k, 2 * k + 2)
+        size[k] = np.sqrt(beta[own] @ power[own, own] @ beta[own])
+        half[k] = 1.96 * np.sqrt(max(np.trace(power[own, own] @ covariance[own, own]), 0.0))
+    curve = np.stack([frequency, size], axis=1)
+    band = np.stack([np.maximum(size - half, 0), size + half], axis=1)
+    peak = frequency[int(np.argmax(size))]
+    of = slot.candidate.variant.removeprefix(f"{RESPONSE} to ")
+    sentence = f"{on} follows {of} by a response that no known effect has, strongest near {peak:.2g} Hz"
+    return Structure("frequency", on, share, curve, band, sentence)
+
+
+def _has(slot: Slot, view: View) -> bool:
+    return bool(slot.candidate.columns(view, 0.0))
+
+
+def words(variable: str, on: str, grid: Floats, curve: Floats, factor: str, of: str = "") -> str:
+    """The curve in a sentence."""
+    level = np.median(curve)
+    peak = int(np.argmax(np.abs(curve - level)))
+    high = np.abs(curve - level) > 0.5 * np.abs(curve[peak] - level)
+    width = float(np.ptp(grid[high])) if high.any() else 0.0
+    narrow = width < 0.3 * np.ptp(grid)
+    if variable == "direction":
+        return f"{on} has dry friction that changes by {np.ptp(curve):.2g} N m with the {of}"
+    times = f", multiplied by the {factor} of motion" if factor else ""
+    if narrow:
+        return f"narrow bump of {on} near {variable} = {grid[peak]:.3g}, about {width:.2g} wide{times}"
+    return f"{on} varies smoothly with {variable}, by {np.ptp(curve):.2g} over its range{times}"
+
+
+def values_of(view: View, variable: str) -> Floats:
+    """The variable of diagnosis-format at every instant, (N,)."""
+    own: dict[str, Floats] = {
+        "x": view.x[:, 0],
+        "y": view.x[:, -1],
+        "speed": np.linalg.norm(view.v, axis=1),
+        "time": view.t,
+    }
+    if variable in own:
+        return own[variable]
+    signal = view.theta if variable.startswith("theta") else view.omega
+    result: Floats = signal[:, int(variable[-1]) - 1]
+    return result
+
+
+def _share(table: Table, rest: Sequence[int], s: int) -> float:
+    """Part of what is left in the channel that the slot explains."""
+    drop = gain(projected(table.G, table.columns(rest)), table.G, table.slots[s].columns)
+    on = table.slots[s].candidate.where[0]
+    columns = table.columns(rest)
+    beta, _ = solve(table.G, columns)
+    left = 0.0
+    for run in table.runs:
+        if run.family == "torque" and (not on.startswith("tau") or run.channel == int(on[-1]) - 1):
+            r = run.target - run.design[:, columns] @ beta
+            left += float(r @ r)
+    return float(np.clip(drop / max(left, 1e-300), 0, 1))
