@@ -1,13 +1,20 @@
 """How often the time domain's 95 % intervals hold the truth, and its squared error over the Cramer-Rao bound.
 
-    python bench/coverage.py [STUDIES] [--markdown FILE]
+    python bench/coverage.py [STUDIES] [--markdown FILE] [--keep FILE] [--workers N]
 
-Each study is two free and two loaded trials of 30 s in closed form at 250 Hz, with the accelerometer's noise
+Studies done are kept in a file (build/coverage.jsonl) and not done again, so a run may be broken off and
+taken up; the file begins with a fingerprint of the estimators, and is begun anew when they change. `--markdown`
+writes a JSON file with every parameter beside the page.
+
+Each study is two free and two loaded trials of 30 s in closed form at 100 Hz, with the accelerometer's noise
 on x'' and noise on torque and force sensor that is white or has a pole at 1.5 or 0.3 Hz, and goes through
 `identify_robot` and `identify_load` as in `fit`. The bound is that of all parameters of the study together,
-robot and load, from the samples that were fitted, with the noise's spectrum known.
+robot and load, from the samples that were fitted, with the spectra of all noise known, the accelerometer's too.
 """
 
+import argparse
+import hashlib
+import json
 import sys
 from collections import defaultdict
 from collections.abc import Sequence
@@ -15,6 +22,9 @@ from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 
+import impid_host.impedance
+import impid_host.robot
+import impid_host.signals
 import numpy as np
 from impid_host.errors import UndeterminedError
 from impid_host.impedance.identify import LoadFit, RobotFit, identify_load, identify_robot
@@ -25,14 +35,15 @@ from impid_host.robot.terms import RobotStructure
 from impid_host.signals.align import AlignedTrial, joint_acceleration
 from impid_host.signals.chain import DEFAULT, Chain, erode
 from scipy import signal
+from scipy.stats import binom
 
 ROBOT = Planar2RAbsolute(0.254, 0.2667)
 STRUCTURE = RobotStructure(ROBOT)
 ALPHA = np.array([0.06929, 0.04217, 0.04416, 0.06510, 0.07389])
-RATE, DURATION = 250.0, 30.0
+RATE, DURATION = 100.0, 30.0
 POLES_HZ = {"white": None, "pole at 1.5 Hz": 1.5, "pole at 0.3 Hz": 0.3}
-# rms over all frequencies up to 125 Hz, of which 4.5 Hz are looked at.
-TORQUE_NM, FORCE_N, ACCELERATION_M_S2 = 0.02, 0.2, 0.015
+# rms over all frequencies up to 50 Hz, of which 4.5 Hz are looked at.
+TORQUE_NM, FORCE_N, ACCELERATION_M_S2 = 0.013, 0.13, 0.010
 X0 = np.array([0.364, -0.009])
 LOADS: dict[str, tuple[LoadModel, np.ndarray]] = {
     "mass-spring": (mass_spring(), np.array([0.786, 421.57, 213.35, -18.87, 0.0, 0.0])),
@@ -75,10 +86,11 @@ def trial(
     w = 2 * np.pi * rng.uniform(0.05, 2.0, (2, 10))
     p = rng.uniform(0, 2 * np.pi, (2, 10))
     angle = t[:, None, None] * w + p
-    gain = np.deg2rad(40.0 if load is None else 10.0) / np.ptp(np.sin(angle).sum(axis=2), axis=0)
-    theta = np.pi / 4 + gain * np.sin(angle).sum(axis=2)
+    sine = np.sin(angle)
+    gain = np.deg2rad(40.0 if load is None else 10.0) / np.ptp(sine.sum(axis=2), axis=0)
+    theta = np.pi / 4 + gain * sine.sum(axis=2)
     omega = gain * (w * np.cos(angle)).sum(axis=2)
-    theta_dd = -gain * (w**2 * np.sin(angle)).sum(axis=2)
+    theta_dd = -gain * (w**2 * sine).sum(axis=2)
     J, J_rate = ROBOT.jacobian(theta), ROBOT.jacobian_rate(theta, omega)
     x, v = ROBOT.position(theta), np.einsum("nij,nj->ni", J, omega)
     a = np.einsum("nij,nj->ni", J, theta_dd) + np.einsum("nij,nj->ni", J_rate, omega)
@@ -118,15 +130,16 @@ def trial(
     return noisy, clean
 
 
-def one_study(seed: int, kind: str, pole_hz: float | None, chain: Chain = DEFAULT) -> Values:
+def one_study(seed: int, kind: str, colour: str, chain: Chain = DEFAULT) -> Values:
     """Every parameter by every method: value, truth, interval, bound on its variance."""
-    rng = np.random.default_rng([seed, 7])
+    pole_hz = POLES_HZ[colour]
+    rng = np.random.default_rng([seed, list(LOADS).index(kind), list(POLES_HZ).index(colour)])
     load = truth(kind)
     free, clean_free = zip(*(trial(rng, k, None, pole_hz) for k in range(2)), strict=True)
     loaded, clean_loaded = zip(*(trial(rng, 2 + k, load, pole_hz) for k in range(2)), strict=True)
     split = Split()
     robot = identify_robot(free, STRUCTURE, chain, split)
-    bounds = study_bounds(clean_free, clean_loaded, load[0], chain, split, pole_hz)
+    bounds = study_bounds(clean_free, clean_loaded, load, chain, split, pole_hz)
     out: Values = defaultdict(list)
     _record_robot(out, robot, bounds["robot"])
     for method, known in (("method 1", robot.parameters), ("method 2", None)):
@@ -161,28 +174,29 @@ def _record_load(out: Values, method: str, fit: LoadFit, value: np.ndarray, boun
 def study_bounds(
     free: Sequence[AlignedTrial],
     loaded: Sequence[AlignedTrial],
-    model: LoadModel,
+    load: tuple[LoadModel, np.ndarray],
     chain: Chain,
     split: Split,
     pole_hz: float | None,
 ) -> dict[str, np.ndarray]:
     """Cramer-Rao: robot and load jointly from the torques (method 1), load from the force (method 2)."""
+    model, value = load
+    mass = (model.matrix_map("a") @ value).reshape(2, 2)
     p, q = len(ALPHA), len(model.columns)
     alone, joint, direct = np.zeros((p, p)), np.zeros((p + q, p + q)), np.zeros((q, q))
     for part in free:
         rows = split.masks(part, chain)[0]
-        Y = whitened(ROBOT.regressor(part.theta, part.omega, part.theta_dd), TORQUE_NM, pole_hz)[rows]
-        alone += np.einsum("ncp,ncq->pq", Y, Y)
+        Y = ROBOT.regressor(part.theta, part.omega, part.theta_dd)
+        alone += information(Y, robot_mass(part), rows, TORQUE_NM, pole_hz)
     joint[:p, :p] = alone
     for part in loaded:
         rows = split.masks(part, chain)[0]
         A = model.regressor(part.x, part.v, part.a)
         Y = ROBOT.regressor(part.theta, part.omega, part.theta_dd)
         J_T = np.swapaxes(ROBOT.jacobian(part.theta), 1, 2)
-        both = whitened(np.concatenate([Y, J_T @ A], axis=2), TORQUE_NM, pole_hz)[rows]
-        joint += np.einsum("ncp,ncq->pq", both, both)
-        A = whitened(A, FORCE_N, pole_hz)[rows]
-        direct += np.einsum("ncp,ncq->pq", A, A)
+        both = np.concatenate([Y, J_T @ A], axis=2)
+        joint += information(both, robot_mass(part) + J_T @ mass, rows, TORQUE_NM, pole_hz)
+        direct += information(A, np.broadcast_to(mass, (len(A), 2, 2)), rows, FORCE_N, pole_hz)
     return {
         "robot": np.linalg.inv(alone),
         "method 1": np.linalg.inv(joint)[p:, p:],
@@ -190,61 +204,168 @@ def study_bounds(
     }
 
 
-def campaign(kind: str, colour: str, studies: int) -> dict[str, dict[str, float]]:
-    """Coverage (%) and mean squared error over the bound, per parameter."""
+def robot_mass(part: AlignedTrial) -> np.ndarray:
+    """How an acceleration of the end-effector enters the torques, I J^-1, (N, 2, 2)."""
+    still = np.zeros_like(part.theta)
+    unit = [np.broadcast_to(axis, still.shape) for axis in np.eye(2)]
+    inertia = np.stack([ROBOT.regressor(part.theta, still, axis) @ ALPHA for axis in unit], axis=2)
+    result: np.ndarray = inertia @ np.linalg.inv(ROBOT.jacobian(part.theta))
+    return result
+
+
+def information(
+    design: np.ndarray, gain: np.ndarray, rows: np.ndarray, rms: float, pole_hz: float | None
+) -> np.ndarray:
+    """Fisher's, of parameters behind `design` (N, 2, q), accelerations known as the accelerometer knows them.
+
+    Its noise enters through `gain` (N, 2, 2), whose square is taken as constant over the trial, and adds to the
+    spectrum that the torque's or the force's noise has.
+    """
+    white = whitened(design, rms, pole_hz)[rows]
+    p = 0.0 if pole_hz is None else np.exp(-2 * np.pi * pole_hz / RATE)
+    R = np.fft.fft(white, axis=0, norm="ortho")
+    turn = np.exp(-2j * np.pi * np.fft.fftfreq(len(R)))
+    added = np.mean(gain @ np.swapaxes(gain, 1, 2), axis=0) * ACCELERATION_M_S2**2 / (rms**2 * (1 - p**2))
+    S = np.eye(2) + (np.abs(1 - p * turn) ** 2)[:, None, None] * added
+    result: np.ndarray = np.einsum("fcp,fcq->pq", R.conj(), np.linalg.solve(S, R), optimize=True).real
+    return result
+
+
+def fingerprint() -> str:
+    """Of the code that the results depend on."""
+    packages = (impid_host.impedance, impid_host.signals, impid_host.robot)
+    files = [Path(__file__)] + [f for p in packages for f in sorted(Path(p.__path__[0]).glob("*.py"))]
+    return hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()[:16]
+
+
+def kept(path: Path) -> dict[str, Values]:
+    """Studies already done by this same code, by "seed kind colour"; the file is begun anew otherwise."""
+    own = fingerprint()
+    if path.exists():
+        first, *lines = path.read_text(encoding="utf-8").splitlines()
+        if json.loads(first).get("fingerprint") == own:
+            whole = (json.loads(line) for line in lines if line.endswith("}"))
+            return {entry["study"]: entry["values"] for entry in whole}
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(json.dumps({"fingerprint": own}) + "\n", encoding="utf-8")
+    return {}
+
+
+def job(seed: int, kind: str, colour: str) -> tuple[str, Values]:
+    """One study under its name; nothing in it where it was refused."""
+    try:
+        return f"{seed} {kind} {colour}", one_study(seed, kind, colour)
+    except UndeterminedError as error:
+        print(f"refused: {error}", file=sys.stderr)
+        return f"{seed} {kind} {colour}", {}
+
+
+def run(studies: int, path: Path, workers: int) -> dict[str, Values]:
+    """Every study asked for, all rows' first seeds first."""
+    done = kept(path)
+    todo = [(seed, kind, colour) for seed in range(studies) for kind in LOADS for colour in POLES_HZ]
+    todo = [part for part in todo if "{} {} {}".format(*part) not in done]
+    with ProcessPoolExecutor(workers) as pool, path.open("a", encoding="utf-8") as file:
+        for name, values in pool.map(job, *zip(*todo, strict=True), chunksize=6) if todo else ():
+            done[name] = values
+            file.write(json.dumps({"study": name, "values": values}) + "\n")
+            file.flush()
+    return done
+
+
+def counted(done: dict[str, Values], kind: str, colour: str, studies: int) -> dict[str, dict[str, float]]:
+    """Coverage (%) and mean squared error over the bound, per parameter, over the first so many studies."""
     every: Values = defaultdict(list)
-    with ProcessPoolExecutor(2) as pool:
-        jobs = [pool.submit(one_study, seed, kind, POLES_HZ[colour]) for seed in range(studies)]
-        for job in jobs:
-            try:
-                for name, rows in job.result().items():
-                    every[name] += rows
-            except UndeterminedError as error:
-                print(f"refused: {error}", file=sys.stderr)
+    for seed in range(studies):
+        for name, rows in done[f"{seed} {kind} {colour}"].items():
+            every[name] += rows
     out = {}
     for name, rows in every.items():
         value, true, low, high, bound = np.array(rows).T
+        square = (value - true) ** 2 / np.mean(bound)
         out[name] = {
+            "studies": len(rows),
             "coverage_percent": float(100 * np.mean((low <= true) & (true <= high))),
-            "mse_over_crb": float(np.mean((value - true) ** 2) / np.mean(bound)),
+            "mse_over_crb": float(np.mean(square)),
+            "mse_over_crb_standard_error": float(np.std(square) / np.sqrt(len(square))),
             "bias_over_sd": float(np.mean(value - true) / np.std(value)),
         }
     return out
 
 
-def main() -> None:
-    words = sys.argv[1:]
-    to = Path(words.pop(words.index("--markdown") + 1)) if "--markdown" in words else None
-    words = [word for word in words if word != "--markdown"]
-    studies = int(words[0]) if words else 500
+def page(result: dict[str, dict[str, dict[str, float]]], studies: int) -> str:
+    """The Markdown page."""
+    every = [(where, name, entry) for where, part in result.items() for name, entry in part.items()]
+    cover = np.array([entry["coverage_percent"] for *_, entry in every])
+    ratio = np.array([entry["mse_over_crb"] for *_, entry in every])
     lines = [
         "# Intervals and efficiency in the time domain",
         "",
-        f"`python bench/coverage.py {studies}`: {studies} simulated studies per row; a true 95 % counted in so many has a "
-        f"standard error of {100 * np.sqrt(0.95 * 0.05 / studies):.1f} % per parameter. Lowest and highest are over the "
-        "parameters. The bound for Method 1 is that of robot and load fitted jointly; ours takes the robot from the "
-        "free trials alone, as the paper does.",
+        f"`python bench/coverage.py {studies}`: {studies} simulated studies per row. A true 95 % counted in so many has "
+        f"a standard error of {100 * np.sqrt(0.95 * 0.05 / studies):.1f} % per parameter, a true ratio of 1.0 one of "
+        f"{np.sqrt(2 / studies):.2f}. Lowest and highest are over the parameters, equilibrium included. The bound for "
+        "Method 1 is that of robot and load fitted jointly from all torques; all bounds know the accelerations as well as "
+        "the accelerometer does, and the noise's spectra. Every parameter is in "
+        "`coverage.json`.",
         "",
         "| load, noise | part | coverage: mean (lowest, highest) % | MSE / bound: mean (highest) |",
         "| --- | --- | --- | --- |",
     ]
-    for kind in LOADS:
-        for colour in POLES_HZ:
-            result = campaign(kind, colour, studies)
-            for part in ("robot", "method 1", "method 2"):
-                own = {name: entry for name, entry in result.items() if name.startswith(part)}
-                cover = np.array([entry["coverage_percent"] for entry in own.values()])
-                ratio = {name: entry["mse_over_crb"] for name, entry in own.items()}
-                worst = max(ratio, key=ratio.__getitem__)
-                cells = f"{cover.mean():.1f} ({cover.min():.1f}, {cover.max():.1f})"
-                mean = np.mean(list(ratio.values()))
-                name = worst.removeprefix(part).strip()
-                lines.append(
-                    f"| {kind}, {colour} | {part} | {cells} | {mean:.2f} ({ratio[worst]:.2f}, {name}) |"
-                )
-                print(lines[-1], flush=True)
-            if to is not None:
-                to.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    for where, part in result.items():
+        for method in ("robot", "method 1", "method 2"):
+            own = {name: entry for name, entry in part.items() if name.startswith(method)}
+            low, high = (pick(own, key=lambda n: own[n]["coverage_percent"]) for pick in (min, max))
+            worst = max(own, key=lambda n: own[n]["mse_over_crb"])
+            mean = np.mean([entry["coverage_percent"] for entry in own.values()])
+            short = {name: name.removeprefix(method).strip() for name in own}
+            lines.append(
+                f"| {where} | {method} | {mean:.1f} ({own[low]['coverage_percent']:.1f} {short[low]}, "
+                f"{own[high]['coverage_percent']:.1f} {short[high]}) | "
+                f"{np.mean([entry['mse_over_crb'] for entry in own.values()]):.2f} "
+                f"({own[worst]['mse_over_crb']:.2f} {short[worst]}) |"
+            )
+    outside = [(w, n, e) for w, n, e in every if not 93 <= e["coverage_percent"] <= 97]
+    above = [(w, n, e) for w, n, e in every if e["mse_over_crb"] > 1.2]
+    chance = binom.cdf(np.ceil(0.93 * studies) - 1, studies, 0.95) + binom.sf(
+        np.floor(0.97 * studies), studies, 0.95
+    )
+    lines += [
+        "",
+        f"All {len(every)} parameters: coverage {cover.mean():.1f} % on average, {len(outside)} outside 93 to 97 % "
+        f"(intervals that were exactly right would put {chance * len(every):.1f} there by chance)"
+        + "".join(f"; {w}, {n}: {e['coverage_percent']:.1f} %" for w, n, e in outside)
+        + f". MSE over the bound {ratio.mean():.2f} on average, {len(above)} above 1.2"
+        + "".join(
+            f"; {w}, {n}: {e['mse_over_crb']:.2f} ± {e['mse_over_crb_standard_error']:.2f}"
+            for w, n, e in above
+        )
+        + ".",
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("studies", type=int, nargs="?", default=500)
+    parser.add_argument("--markdown", type=Path)
+    parser.add_argument("--keep", type=Path, default=Path("build/coverage.jsonl"))
+    parser.add_argument("--workers", type=int, default=2)
+    options = parser.parse_args()
+    done = run(options.studies, options.keep, options.workers)
+    result = {
+        f"{kind}, {colour}": counted(done, kind, colour, options.studies)
+        for kind in LOADS
+        for colour in POLES_HZ
+    }
+    text = page(result, options.studies)
+    print(text)
+    if options.markdown is not None:
+        options.markdown.write_text(text, encoding="utf-8")
+        document = {"command": f"python bench/coverage.py {options.studies}", "rows": result}
+        json_file = options.markdown.with_suffix(".json")
+        json_file.write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -62,14 +62,20 @@ def constrain(fit: LoadFit, handle_mass_kg: float) -> Constrained:
     if load.name != "arm" or len(load.axes) < 2:
         raise UndeterminedError(f"load {fit.load}: symmetry is a question for arms of two or more axes only")
     conditions = np.concatenate([_asymmetry(load, "a"), _asymmetry(load, "x")])
-    value, covariance = _project(estimate.value, estimate.covariance, conditions)
+    onto = _projection(estimate.covariance, conditions)
+    value = onto @ estimate.value
     gap = conditions @ estimate.value
     chi2 = float(gap @ np.linalg.solve(conditions @ estimate.covariance @ conditions.T, gap))
     handle = handle_mass_kg if load.carries_handle else 0.0
     moved = [name for name, S in _maps(load).items() if _smallest(S, value, load, handle, name) <= 0]
     if moved:
         value = _definite(estimate, load, handle)
-    symmetric = replace(estimate, value=value, covariance=covariance)
+    symmetric = replace(
+        estimate,
+        value=value,
+        covariance=onto @ estimate.covariance @ onto.T,
+        covariance_spread=onto @ estimate.covariance_spread @ onto.T,
+    )
     return Constrained(
         load=fit.load,
         method=fit.method,
@@ -90,10 +96,12 @@ def _asymmetry(load: LoadModel, signal: str) -> Floats:
     return np.array([S[d * i + j] - S[d * j + i] for i in range(d) for j in range(i + 1, d)])
 
 
-def _project(value: Floats, covariance: Floats, conditions: Floats) -> tuple[Floats, Floats]:
-    """The nearest value with conditions @ value = 0, and its covariance."""
-    gain = covariance @ conditions.T @ np.linalg.inv(conditions @ covariance @ conditions.T)
-    return value - gain @ (conditions @ value), covariance - gain @ conditions @ covariance
+def _projection(covariance: Floats, conditions: Floats) -> Floats:
+    """P with P @ value the nearest value that has conditions @ value = 0, (p, p)."""
+    across = conditions @ covariance
+    gain = np.linalg.solve(across @ conditions.T, across).T
+    result: Floats = np.eye(len(covariance)) - gain @ conditions
+    return result
 
 
 def _smallest(S: Floats, value: Floats, load: LoadModel, handle: float, name: str) -> float:

@@ -1,29 +1,33 @@
 """Linear least squares whose 95 % intervals hold when the residual is coloured.
 
 Rows come as contiguous stretches, so that neighbours in an array are neighbours in time. First ordinary
-least squares; then the residual's autoregression (order by BIC, one per channel, pooled over stretches)
-prewhitens both sides and the fit is repeated; last, a kernel estimate (Bartlett, Andrews' plug-in bandwidth)
-of the scores' long-run covariance takes up what correlation is left, between channels too. With `ar_order` 0
-the middle step is left out.
+least squares; then generalised least squares, weighted by the residual's colour (`colour`): an autoregression
+per channel, the channels' correlation, both free of the bias that fitting brings. The parameters' covariance
+is widened, twice as Kenward and Roger have it (Biometrics 53, 1997), by what the colour's own uncertainty
+adds; degrees of freedom are Satterthwaite's for whatever combination is asked for. With `ar_order` 0 the
+second step is left out.
 
-A kernel estimate errs on the small side in short records: its variance is widened by Kiefer and Vogelsang's
-critical values (Econometric Theory 21, 2005, Bartlett kernel), and after prewhitening no standard deviation
-is let below the conventional one (Angrist and Pischke 2009, sec. 8.1).
+A kernel estimate (Bartlett, Andrews' plug-in bandwidth) of the scores' long-run covariance takes up what the
+colour does not describe, noise that grows with the motion above all: no standard deviation is let below it. A
+kernel estimate errs on the small side in short records: its variance is widened by Kiefer and Vogelsang's
+critical values (Econometric Theory 21, 2005).
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import linalg, stats
+from scipy import stats
 
 from impid_host.errors import UndeterminedError
+from impid_host.impedance.colour import Colour, colour_of
 from impid_host.signals.arrays import Floats
 
 _MAX_CONDITION = 1e7
-_ROUNDS = 3
+_ROUNDS = 6
+_SETTLED = 1e-3  # of a standard deviation, from one round to the next
 _ROUNDING = 1e-7  # a column so much smaller than the largest one is a filter's rounding
-_HAUSMAN_SIGMAS = 3.0
+_HAUSMAN_SIGMAS = 4.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,18 +53,19 @@ class Estimate:
         names, units: of the p parameters.
         value: (p,).
         covariance: (p, p), with whatever was propagated from earlier fits.
-        dof: degrees of freedom behind the covariance.
+        covariance_spread: by how much the covariance is uncertain itself: its standard deviations along k
+            independent directions, (k, p, p).
         rows: number of rows (instants) used.
         residual_rms: per channel, in the target's unit, before prewhitening.
         relative_error_percent: 100 |target - fit| / |target| over all channels.
-        ar_order: order of the prewhitening per channel.
+        ar_order: order of the residual's autoregression per channel.
     """
 
     names: tuple[str, ...]
     units: tuple[str, ...]
     value: Floats
     covariance: Floats
-    dof: float
+    covariance_spread: Floats
     rows: int
     residual_rms: Floats
     relative_error_percent: float
@@ -75,11 +80,40 @@ class Estimate:
     @property
     def ci95(self) -> Floats:
         """95 % intervals, (p, 2)."""
-        half = stats.t.ppf(0.975, self.dof) * self.sd
+        half = self.half_width(np.eye(len(self.value)))
         return np.stack([self.value - half, self.value + half], axis=1)
+
+    @property
+    def dof(self) -> float:
+        """Degrees of freedom behind the covariance: the median over the parameters."""
+        return float(np.median(self._dof(np.eye(len(self.value)))))
+
+    def half_width(self, slope: Floats) -> Floats:
+        """Half the 95 % intervals, (k,), of what has derivatives `slope` (k, p) by the parameters."""
+        variance = np.einsum("kp,pq,kq->k", slope, self.covariance, slope)
+        half: Floats = stats.t.ppf(0.975, self._dof(slope)) * np.sqrt(variance)
+        return half
+
+    def _dof(self, slope: Floats) -> Floats:
+        """Satterthwaite's, (k,): 2 V^2 / var V."""
+        variance = np.einsum("kp,pq,kq->k", slope, self.covariance, slope)
+        spread = np.einsum("kp,dpq,kq->dk", slope, self.covariance_spread, slope)
+        dof: Floats = np.clip(2 * variance**2 / (np.sum(spread**2, axis=0) + 1e-300), 3.0, 1e6)
+        return dof
 
     def __getitem__(self, name: str) -> float:
         return float(self.value[self.names.index(name)])
+
+
+@dataclass(frozen=True, slots=True)
+class _Solution:
+    """Value, covariance and its spread, with the weighted rows that they came from."""
+
+    work: Sequence[Stretch]
+    value: Floats
+    covariance: Floats
+    spread: Floats
+    orders: tuple[int, ...]
 
 
 def fit_linear(
@@ -93,7 +127,7 @@ def fit_linear(
     """Least squares over all stretches.
 
     Args:
-        ar_order: highest order of the prewhitening; 0 gives ordinary least squares.
+        ar_order: highest order of the residual's autoregression; 0 gives ordinary least squares.
         nuisance_covariance: (k, k) of the parameters behind `Stretch.nuisance`; their uncertainty is
             propagated.
 
@@ -106,48 +140,83 @@ def fit_linear(
     if rows < 5 * parameters:
         raise UndeterminedError(f"{rows} usable rows for {parameters} parameters; longer trials are needed")
     scale = 1 / np.sqrt(np.mean(np.concatenate([s.target for s in stretches]) ** 2, axis=0) + 1e-300)
-    work = [_weighted(stretch, np.full(len(scale), np.median(scale))) for stretch in stretches]
+    work = [_weighted(stretch, float(np.median(scale))) for stretch in stretches]
     _require_determined(work, names)
-    value = _solve(work)
-    covariance, dof = _sandwich(work, value)
-    orders: tuple[int, ...] = (0,) * len(scale)
+    found = _ordinary(work)
     if ar_order > 0:
-        white, white_value, white_orders = _prewhitened_fit(stretches, value, ar_order)
-        if np.all(np.abs(white_value - value) < _HAUSMAN_SIGMAS * np.sqrt(np.diag(covariance))):
-            work, value, orders = white, white_value, white_orders
-            covariance, dof = _sandwich(work, value)
-            covariance = _not_below(covariance, _conventional(work, value))
+        white = _generalised(work, found, ar_order)
+        sigmas = np.abs(white.value - found.value) / np.sqrt(np.diag(found.covariance))
+        if np.all(sigmas < _HAUSMAN_SIGMAS):
+            found = white
+    covariance = found.covariance
     if nuisance_covariance is not None:
-        gain = _nuisance_gain(work)
+        gain = _nuisance_gain(found.work)
         covariance = covariance + gain @ nuisance_covariance @ gain.T
-    residual = np.concatenate([_residual(stretch, value) for stretch in stretches])
+    residual = np.concatenate([_residual(stretch, found.value) for stretch in stretches])
     target = np.concatenate([stretch.target for stretch in stretches])
     return Estimate(
         names=names,
         units=units,
-        value=value,
+        value=found.value,
         covariance=covariance,
-        dof=dof,
+        covariance_spread=found.spread,
         rows=rows,
         residual_rms=np.sqrt(np.mean(residual**2, axis=0)),
         relative_error_percent=float(100 * np.linalg.norm(residual) / np.linalg.norm(target)),
-        ar_order=orders,
+        ar_order=found.orders,
     )
 
 
-def _prewhitened_fit(
-    stretches: Sequence[Stretch], value: Floats, ar_order: int
-) -> tuple[list[Stretch], Floats, tuple[int, ...]]:
-    """Whitened rows, their least-squares solution, and the autoregression's order per channel."""
-    work: list[Stretch] = []
-    filters: list[Floats] = []
+def _ordinary(work: Sequence[Stretch]) -> _Solution:
+    value, bread = _solve(work)
+    covariance, dof = _sandwich(work, value, bread)
+    orders = (0,) * work[0].target.shape[1]
+    return _Solution(work, value, covariance, np.sqrt(2 / dof) * covariance[None], orders)
+
+
+def _generalised(stretches: Sequence[Stretch], start: _Solution, ar_order: int) -> _Solution:
+    """Weighted by the residual's colour, which is found anew from each solution until both stand still."""
+    value, bread = start.value, _solve(stretches)[1]
+    residual = np.concatenate([_residual(stretch, value) for stretch in stretches])
+    covariance = bread * float(np.sum(residual**2)) / max(residual.size - len(value), 1)
+    blocks = [_block(stretch) for stretch in stretches]
     for _ in range(_ROUNDS):
-        residuals = [_residual(stretch, value) for stretch in stretches]
-        channels = range(residuals[0].shape[1])
-        filters = [_whitener([r[:, c] for r in residuals], ar_order) for c in channels]
-        work = [white for stretch in stretches if (white := _whitened(stretch, filters)) is not None]
-        value = _solve(work)
-    return work, value, tuple(len(taps) - 1 for taps in filters)
+        root = np.linalg.cholesky(_regular(covariance))
+        parts = [
+            np.concatenate([_residual(s, value)[:, :, None], s.design @ root], axis=2) for s in stretches
+        ]
+        colour = colour_of(parts, ar_order)
+        before, work = value, _unblocked(colour.whitened(blocks), len(value))
+        value, covariance = _solve(work)
+        if np.all(np.abs(value - before) < _SETTLED * np.sqrt(np.diag(covariance))):
+            break
+    added, spread = _of_the_colour(blocks, colour, len(value))
+    kernel = _sandwich(work, value, covariance)[0]
+    return _Solution(work, value, *_not_below(covariance + 2 * added, spread, kernel), colour.orders)
+
+
+def _of_the_colour(blocks: Sequence[Floats], colour: Colour, parameters: int) -> tuple[Floats, Floats]:
+    """What the colour's uncertainty adds to the covariance, (p, p), and how it blurs it, (k, p, p)."""
+    moved, spread = [], []
+    for up, down in colour.neighbours([block[:, :, : parameters + 1] for block in blocks]):
+        above, below = _solve(_unblocked(up, parameters)), _solve(_unblocked(down, parameters))
+        moved.append(0.5 * (above[0] - below[0]))
+        spread.append(0.5 * (above[1] - below[1]))
+    moves = np.array(moved)
+    return moves.T @ moves, np.array(spread)
+
+
+def _block(stretch: Stretch) -> Floats:
+    """Design, target and nuisance beside each other, (N, c, p + 1 + k)."""
+    parts = [stretch.design, stretch.target[:, :, None]]
+    return np.concatenate(parts if stretch.nuisance is None else [*parts, stretch.nuisance], axis=2)
+
+
+def _unblocked(blocks: Sequence[Floats], p: int) -> list[Stretch]:
+    return [
+        Stretch(block[:, :, :p], block[:, :, p], block[:, :, p + 1 :] if block.shape[2] > p + 1 else None)
+        for block in blocks
+    ]
 
 
 def _residual(stretch: Stretch, value: Floats) -> Floats:
@@ -155,21 +224,32 @@ def _residual(stretch: Stretch, value: Floats) -> Floats:
     return result
 
 
-def _weighted(stretch: Stretch, weight: Floats) -> Stretch:
-    nuisance = None if stretch.nuisance is None else stretch.nuisance * weight[:, None]
-    return Stretch(stretch.design * weight[:, None], stretch.target * weight, nuisance)
+def _weighted(stretch: Stretch, weight: float) -> Stretch:
+    nuisance = None if stretch.nuisance is None else stretch.nuisance * weight
+    return Stretch(stretch.design * weight, stretch.target * weight, nuisance)
 
 
 def _normal(work: Sequence[Stretch]) -> Floats:
-    total: Floats = sum(np.einsum("kcp,kcq->pq", s.design, s.design) for s in work)
+    flat = [stretch.design.reshape(-1, stretch.design.shape[2]) for stretch in work]
+    total: Floats = np.asarray(sum(X.T @ X for X in flat), dtype=np.float64)
     return total
 
 
-def _solve(work: Sequence[Stretch]) -> Floats:
-    moment = sum(np.einsum("kcp,kc->p", s.design, s.target) for s in work)
+def _solve(work: Sequence[Stretch]) -> tuple[Floats, Floats]:
+    """Value (p,), and its covariance (p, p) if rows have unit variance and no correlation."""
+    moment = sum(s.design.reshape(-1, s.design.shape[2]).T @ s.target.ravel() for s in work)
     normal = _normal(work)
     size = np.sqrt(np.diag(normal))
-    result: Floats = np.linalg.solve(normal / np.outer(size, size), moment / size) / size
+    inverse = np.linalg.inv(normal / np.outer(size, size))
+    value: Floats = inverse @ (moment / size) / size
+    return value, np.asarray(inverse / np.outer(size, size), dtype=np.float64)
+
+
+def _regular(covariance: Floats) -> Floats:
+    """A covariance that rounding may have left indefinite, made safe for Cholesky."""
+    size = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
+    symmetric = 0.5 * (covariance + covariance.T) / np.outer(size, size)
+    result: Floats = (symmetric + 1e-10 * np.eye(len(size))) * np.outer(size, size)
     return result
 
 
@@ -190,45 +270,6 @@ def _require_determined(work: Sequence[Stretch], names: tuple[str, ...]) -> None
         )
 
 
-def _whitener(residuals: Sequence[Floats], highest: int) -> Floats:
-    """Taps that whiten the channel and scale it to unit variance: AR by Yule-Walker, order by BIC."""
-    count = sum(len(r) for r in residuals)
-    highest = max(0, min(highest, count // 20, min(len(r) for r in residuals) // 4))
-    lags = np.array(
-        [sum(float(r[lag:] @ r[: len(r) - lag]) for r in residuals) for lag in range(highest + 1)]
-    )
-    lags = lags / count
-    best: tuple[float, Floats] = (np.inf, np.ones(1))
-    for order in range(highest + 1):
-        taps = linalg.solve_toeplitz(lags[:order], lags[1 : order + 1]) if order else np.zeros(0)
-        variance = max(float(lags[0] - taps @ lags[1 : order + 1]), 1e-12 * float(lags[0]) + 1e-300)
-        bic = count * np.log(variance) + order * np.log(count)
-        if bic < best[0]:
-            best = (bic, np.concatenate([[1.0], -taps]) / np.sqrt(variance))
-    return best[1]
-
-
-def _whitened(stretch: Stretch, filters: Sequence[Floats]) -> Stretch | None:
-    """The stretch through its channels' filters; None when it is shorter than the filter."""
-    lost = max(len(taps) for taps in filters) - 1
-    if len(stretch.target) <= lost:
-        return None
-
-    def run(values: Floats) -> Floats:
-        out = np.empty_like(values)
-        for c, taps in enumerate(filters):
-            channel = values[:, c]
-            out[:, c] = sum(tap * _delayed(channel, lag) for lag, tap in enumerate(taps))
-        return out[lost:]
-
-    nuisance = None if stretch.nuisance is None else run(stretch.nuisance)
-    return Stretch(run(stretch.design), run(stretch.target), nuisance)
-
-
-def _delayed(values: Floats, lag: int) -> Floats:
-    return values if lag == 0 else np.concatenate([np.zeros_like(values[:lag]), values[:-lag]])
-
-
 def _nuisance_gain(work: Sequence[Stretch]) -> Floats:
     """d value / d nuisance parameters, (p, k)."""
     cross = sum(np.einsum("kcp,kcq->pq", s.design, s.nuisance) for s in work if s.nuisance is not None)
@@ -236,7 +277,8 @@ def _nuisance_gain(work: Sequence[Stretch]) -> Floats:
     return result
 
 
-def _sandwich(work: Sequence[Stretch], value: Floats) -> tuple[Floats, float]:
+def _sandwich(work: Sequence[Stretch], value: Floats, bread: Floats) -> tuple[Floats, float]:
+    """Covariance by the kernel estimate, (p, p), and its degrees of freedom."""
     scores = [np.einsum("kcp,kc->kp", s.design, _residual(s, value)) for s in work]
     rows = sum(len(s) for s in scores)
     parameters = len(value)
@@ -250,22 +292,15 @@ def _sandwich(work: Sequence[Stretch], value: Floats) -> tuple[Floats, float]:
     # 1.96 + 2.9694 b is the 97.5 % point when the bandwidth is a share b of the rows.
     widening = (1 + 2.9694 * bandwidth / rows / 1.96) ** 2
     correction = widening * rows * channels / max(rows * channels - parameters, 1)
-    bread = np.linalg.inv(_normal(work))
     dof = max(1.5 * rows / max(bandwidth, 1.0) - parameters, 3.0)
     return bread @ meat @ bread * correction, dof
 
 
-def _conventional(work: Sequence[Stretch], value: Floats) -> Floats:
-    """Covariance (p, p) if the rows were white and of one variance."""
-    residual = np.concatenate([_residual(stretch, value) for stretch in work])
-    variance = float(np.sum(residual**2)) / max(residual.size - len(value), 1)
-    return np.asarray(variance * np.linalg.inv(_normal(work)), dtype=np.float64)
-
-
-def _not_below(covariance: Floats, floor: Floats) -> Floats:
-    """The covariance with its standard deviations raised to those of `floor`, correlations kept."""
+def _not_below(covariance: Floats, spread: Floats, floor: Floats) -> tuple[Floats, Floats]:
+    """Covariance, its standard deviations raised to those of `floor`, correlations kept; its spread alike."""
     raised = np.sqrt(np.maximum(np.diag(floor) / np.maximum(np.diag(covariance), 1e-300), 1.0))
-    return np.asarray(covariance * np.outer(raised, raised), dtype=np.float64)
+    factor = np.outer(raised, raised)
+    return np.asarray(covariance * factor, dtype=np.float64), np.asarray(spread * factor, dtype=np.float64)
 
 
 def _andrews_bandwidth(scores: Sequence[Floats], rows: int) -> float:

@@ -3,7 +3,6 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import stats
 
 from impid_host.impedance.linear import Estimate
 from impid_host.impedance.loads import LoadModel, Signal
@@ -49,7 +48,7 @@ def load_matrices(load: LoadModel, estimate: Estimate, handle_mass_kg: float = 0
 def mapped(estimate: Estimate, slope: Floats, value: Floats, unit: str, shape: tuple[int, ...]) -> Quantity:
     """Values (k,) whose derivative by the parameters is `slope` (k, q), as a Quantity of the given shape."""
     sd = np.sqrt(np.einsum("kp,pq,kq->k", slope, estimate.covariance, slope))
-    half = stats.t.ppf(0.975, estimate.dof) * sd
+    half = estimate.half_width(slope)
     interval = np.stack([value - half, value + half], axis=1)
     return Quantity(value.reshape(shape), interval.reshape(*shape, 2), unit, sd.reshape(shape))
 
