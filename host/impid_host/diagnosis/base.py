@@ -6,17 +6,22 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from impid_host.effects.view import Columns, View
-from impid_host.impedance.loads import LoadModel, load_model
+from impid_host.impedance.loads import ROTARY_AXES, LoadModel, load_model
 from impid_host.robot.model import RobotModel
 from impid_host.signals.arrays import Floats
 
 
 @dataclass(frozen=True, slots=True)
 class Base:
-    """Columns: alpha (p), then the parameters of each load in order."""
+    """Columns: alpha (p), then the parameters of each load in order.
+
+    Attributes:
+        bare: nothing of the robot stands between torque sensor and load, and alpha's columns are zero.
+    """
 
     model: RobotModel
     loads: tuple[tuple[str, LoadModel], ...]
+    bare: bool = False
 
     @property
     def size(self) -> int:
@@ -35,7 +40,8 @@ class Base:
         """tau = Y alpha + J^T A lambda, and -F of a force sensor = A lambda: family -> (N, c, size)."""
         Y = self.model.regressor(view.theta, view.omega, view.acc)
         torque = np.zeros((*Y.shape[:2], self.size))
-        torque[:, :, : Y.shape[2]] = Y
+        if not self.bare:
+            torque[:, :, : Y.shape[2]] = Y
         result = {"torque": torque}
         if view.load is not None:
             A = dict(self.loads)[view.load].regressor(view.x, view.v, view.a)
@@ -65,16 +71,24 @@ class Base:
 
 
 def equilibrium(load: LoadModel, value: Floats) -> tuple[Floats, Floats]:
-    """x0 (2,) and K (2, 2) of a load's parameters."""
-    K = (load.matrix_map("x") @ value).reshape(2, 2)
-    place = [load.parameter_names.index("cx"), load.parameter_names.index("cy")]
-    return np.asarray(np.linalg.solve(K, value[place]), dtype=np.float64), K
+    """x0 (d,) and K (d, d) of a load's parameters; where nothing pulls back, x0 is the nearest place."""
+    d = len(load.axes)
+    K = (load.matrix_map("x") @ value).reshape(d, d)
+    return np.asarray(np.linalg.lstsq(K, value[load.place], rcond=1e-10)[0], dtype=np.float64), K
 
 
-def base_of(parts: Sequence[View], model: RobotModel) -> Base:
-    """The model of all trials of a study."""
+def base_of(parts: Sequence[View], model: RobotModel, *, prior: bool = False) -> Base:
+    """The model of all trials of a study.
+
+    Args:
+        prior: the robot is known from earlier.
+    """
     kinds = {view.load: view.kind for view in parts if view.load is not None}
-    return Base(model, tuple((name, load_model(kind)) for name, kind in sorted(kinds.items())))
+    axes = tuple(model.task_axes)
+    # Where the torque is measured at the joint itself, only free trials or a prior say what else it moves.
+    bare = axes == ROTARY_AXES and not prior and all(view.load is not None for view in parts)
+    loads = tuple((name, load_model(kind, axes)) for name, kind in sorted(kinds.items()))
+    return Base(model, loads, bare)
 
 
 def targets(view: View) -> Mapping[str, Floats]:

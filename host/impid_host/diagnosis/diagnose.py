@@ -5,20 +5,20 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from impid_host.diagnosis import proof
 from impid_host.diagnosis.base import Base, base_of
 from impid_host.diagnosis.bursts import Burst, are_pushes, bursts, without_bursts
 from impid_host.diagnosis.choice import (
     Table,
     is_known,
+    p_value,
     pruned,
     score_of,
     supported,
     table_of,
 )
-from impid_host.diagnosis.evidence import base_directions
+from impid_host.diagnosis.evidence import base_directions, solve
 from impid_host.diagnosis.final_look import carried
-from impid_host.diagnosis.findings import findings_of, refitted
+from impid_host.diagnosis.findings import findings_of
 from impid_host.diagnosis.floor import PER_COLUMN, noise_floor
 from impid_host.diagnosis.holdout import Holdout, hold_out
 from impid_host.diagnosis.leftover import unmasked
@@ -27,11 +27,13 @@ from impid_host.diagnosis.oddities import Oddity
 from impid_host.diagnosis.prepare import setting_of, views
 from impid_host.diagnosis.proof import corrected
 from impid_host.diagnosis.refit import Refit, refit
-from impid_host.diagnosis.result import Diagnosis, Finding, Stage, Structure
+from impid_host.diagnosis.result import Chosen, Diagnosis, Stage, Structure
 from impid_host.diagnosis.rows import Run, Slot, Taps, build_runs, slots_of
 from impid_host.diagnosis.shapes import structures
 from impid_host.diagnosis.smooth import smooth_candidates
+from impid_host.diagnosis.stages import Bench, named_stages, unattributed_stage
 from impid_host.diagnosis.ties import ties
+from impid_host.diagnosis.wander import wandering
 from impid_host.diagnosis.whiten import noise_models, whitened
 from impid_host.effects.catalogue import candidates
 from impid_host.effects.view import View
@@ -41,6 +43,7 @@ from impid_host.signals.arrays import Floats
 from impid_host.signals.chain import PUBLISHED_CUTOFF_HZ
 from impid_host.study.model import Study
 
+_ABOVE = 1.25  # of the noise floor: what is left is more than chance and an inexact model leave
 _LARGE = 1.0  # an effect that lowers the mean squared innovation by so many times the noise's
 
 Progress = Callable[[str, float], None]
@@ -86,20 +89,40 @@ def diagnose(study: Study, progress: Progress = _silent) -> Diagnosis:
     table = case.table
     findings = findings_of(case.table, active)
     progress("judging on held-out data", 0.85)
-    stages, fit = _stages(study, case, findings)
-    left = structures(table, active, curves, case.views) + spectral_lines(
-        table, [*active, *curves], case.taps
+    prior = study.setup.prior_alpha
+    bench = Bench(
+        case.views,
+        case.base,
+        case.holdout,
+        case.taps,
+        study.setup.handle_mass_kg,
+        None if prior is None else tuple(prior),
     )
-    left += [odd_structure(oddity) for oddity in case.oddities]
-    if are_pushes(pushed, sum(float(view.t[-1]) for view in case.views)):
-        left += [odd_structure(Oddity(burst.trial, "tau1", 0.0, burst.words)) for burst in pushed]
+    stages, fit = named_stages(bench, findings)
+    left = structures(table, active, curves, case.views)
+    left += spectral_lines(table, [*active, *curves], case.taps)
+    left += wandering(table, [*active, *curves], case.taps)
     floor = floor_of(case, fit, stages[-1])
     first, last = stages[0].rms, stages[-1].rms
     before = sum((first[key] / floor[key]) ** 2 for key in first)
     after = sum(max((last[key] / floor[key]) ** 2 - 1, 0.0) for key in first)
+    if left:
+        shown = [row.on for row in left]
+        share = min(1.0, sum(row.share for row in left))
+        parts = curve_parts(table, active, curves)
+        stages = (
+            *stages,
+            unattributed_stage(bench, fit, parts, shown, share, least_sure(table, active, curves)),
+        )
+    left += [odd_structure(oddity) for oddity in case.oddities]
+    if are_pushes(pushed, sum(float(view.t[-1]) for view in case.views)):
+        left += [odd_structure(Oddity(burst.trial, "tau1", 0.0, burst.words)) for burst in pushed]
     notes = [burst.words for burst in pushed]
     if all(view.measured is None for view in case.views):
         notes.append("no accelerometer: accelerations come from the angles, and its faults cannot be seen")
+    unused = [trial.name for trial in study.of_kind("stochastic")]
+    if unused:
+        notes.append(f"not used: {', '.join(unused)}; no effect is looked for in stochastic trials")
     return Diagnosis(
         study=study.name,
         fit_trials=case.holdout.fit,
@@ -107,11 +130,33 @@ def diagnose(study: Study, progress: Progress = _silent) -> Diagnosis:
         stages=stages,
         floor=floor,
         share_unexplained=float(after / before),
-        above_noise_floor=bool(left),
+        above_noise_floor=bool(left) or any(last[key] > _ABOVE * floor[key] for key in last),
         structure=tuple(left),
         ambiguous=tuple(ties(table, active)),
         notes=tuple(notes),
     )
+
+
+def curve_parts(table: Table, active: Sequence[int], curves: Sequence[int]) -> list[Chosen]:
+    """The curves as parts of a model, with the values of the choice."""
+    beta, rss = solve(table.G, table.columns([*active, *curves]))
+    first = len(table.columns(active))
+    parts = []
+    for s in curves:
+        slot = table.slots[s]
+        size = slot.candidate.size
+        columns = np.array(table.columns([s]), dtype=int) + 1
+        covariance = np.linalg.pinv(table.G[np.ix_(columns, columns)]) * rss / table.rows
+        candidate = replace(slot.candidate, shapes=(slot.shape,))
+        parts.append(Chosen(candidate, slot.shape, beta[first : first + size], covariance))
+        first += size
+    return parts
+
+
+def least_sure(table: Table, active: Sequence[int], curves: Sequence[int]) -> float:
+    """The largest p-value among the curves; what has no curve was tested by its spectrum, at 0.001."""
+    tests = [p_value(table, [*active, *(other for other in curves if other != s)], s) for s in curves]
+    return max(tests, default=1e-3)
 
 
 def odd_structure(oddity: Oddity) -> Structure:
@@ -155,7 +200,8 @@ def confirmed(case: Case, active: Sequence[int], curves: Sequence[int]) -> tuple
     if not active or len(active) + len(curves) < 2:
         return case, list(active), list(curves)
     top = max(active, key=lambda s: score_of(table, [o for o in (*active, *curves) if o != s], s))
-    if score_of(table, [], top) < _LARGE * table.rows:
+    fine = any(table.slots[s].candidate.finer is not None for s in active)
+    if not fine and score_of(table, [], top) < _LARGE * table.rows:
         return case, list(active), list(curves)
     name = table.slots[top].candidate.effect
     largest = [s for s in active if table.slots[s].candidate.effect == name]
@@ -240,7 +286,7 @@ def evaluated(
     progress: Progress = _silent,
 ) -> Case:
     """Every candidate's columns on the given views, whitened."""
-    setting = setting_of(parts, base.model)
+    setting = setting_of(parts, base)
     slots = slots_of([*candidates(setting), *smooth_candidates(parts, setting)], base.size)
     runs: list[Run] = []
     for index, view in enumerate(parts):
@@ -336,37 +382,3 @@ def saturated(base: Base, slots: Sequence[Slot], rows: int) -> list[int]:
         if len(columns) < rows / 5:
             break
     return columns
-
-
-def _stages(study: Study, case: Case, findings: Sequence[Finding]) -> tuple[tuple[Stage, ...], Refit]:
-    """The papers' model, and one stage more for each finding, with everything refitted at each.
-
-    What a finding's parameters are is said by the last fit, in which all effects stand.
-    """
-    fits = []
-    for count in range(len(findings) + 1):
-        chosen = [part for finding in findings[:count] for part in finding.parts]
-        fits.append(refit(case.views, chosen, case.base, case.holdout, case.taps))
-    parts = list(fits[-1].chosen)
-    stages = []
-    for count, fit in enumerate(fits):
-        added = None
-        if count:
-            finding = findings[count - 1]
-            own, parts = parts[: len(finding.parts)], parts[len(finding.parts) :]
-            added = refitted(finding, own)
-        alpha, loads, rms, vaf, names = _numbers(study, case, fit)
-        stages.append(Stage(added, rms, vaf, alpha, names, loads))
-    return tuple(stages), fits[-1]
-
-
-def _numbers(study: Study, case: Case, fit: Refit) -> proof.Numbers:
-    return proof.report(
-        fit.views,
-        fit.chosen,
-        case.base,
-        case.holdout,
-        handle_mass_kg=study.setup.handle_mass_kg,
-        prior=study.setup.prior_alpha,
-        covariance=fit.covariance,
-    )

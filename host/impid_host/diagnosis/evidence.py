@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy import linalg
 
 from impid_host.diagnosis.rows import Run
 from impid_host.signals.arrays import Floats
@@ -41,7 +42,8 @@ def base_directions(fit: Sequence[Run], columns: int) -> Floats:
     """
     design = np.concatenate([run.design[:, :columns] for run in fit])
     design = design / (np.linalg.norm(design, axis=0) + 1e-300)
-    Q, R = np.linalg.qr(design)
+    # Pivoted: a column that the others span would else leave an arbitrary direction to those behind it.
+    Q, R, _ = linalg.qr(design, mode="economic", pivoting=True, check_finite=False)
     result: Floats = Q[:, np.abs(np.diag(R)) > 1e-9]
     return result
 

@@ -5,12 +5,14 @@ from collections.abc import Sequence
 import numpy as np
 
 from impid_host.clock.robot import RobotClockFit, match_clocks
+from impid_host.diagnosis.base import Base
 from impid_host.diagnosis.oddities import Oddity, odd_rows
 from impid_host.effects.effect import Setting
 from impid_host.effects.view import View, rate_of, rotated
 from impid_host.errors import UndeterminedError
+from impid_host.impedance.loads import ROTARY_AXES
 from impid_host.robot.model import RobotModel
-from impid_host.signals.align import device_angles, robot_rows
+from impid_host.signals.align import device_angles, robot_rows, sensor_angle
 from impid_host.signals.arrays import Floats, Mask
 from impid_host.signals.counts import longest_run, specific_force, usable_samples
 from impid_host.signals.filters import ZeroPhaseLowPass
@@ -63,12 +65,11 @@ def view_of(trial: Trial, setup: Setup, model: RobotModel, bad: Mask) -> View:
     measured, angle = None, None
     turn = np.zeros(count)
     turn_rate = np.zeros(count)
-    if "measured" in wide and setup.accelerometer is not None and model.joints == 2:
+    if "measured" in wide and setup.accelerometer is not None and len(model.task_axes) == 2:
         measured = wide["measured"][some]
-        angle = np.full(count, setup.accelerometer.mount_angle_rad)
+        angle = sensor_angle(theta, setup.accelerometer, model)
         if setup.accelerometer.mount == "link2":
-            angle = angle + theta[:, 1]
-            turn, turn_rate = omega[:, 1], acc[:, 1]
+            turn, turn_rate = model.tip_turn(omega), model.tip_turn(acc)
     robot = wide["theta_robot"][some] if "theta_robot" in wide else None
     axes = len(model.task_axes)
     return View(
@@ -87,11 +88,12 @@ def view_of(trial: Trial, setup: Setup, model: RobotModel, bad: Mask) -> View:
         J=J,
         sensor_angle=angle,
         measured=measured,
-        predicted=None if angle is None else rotated(a, -angle),
+        predicted=None if angle is None else rotated(a - np.array(model.plane_gravity_m_s2), -angle),
         turn=turn,
         turn_rate=turn_rate,
         theta_robot=robot,
-        force=wide["force"][some] if "force" in wide else None,
+        # fx and fy are forces in the plane; another robot has no axes for them.
+        force=wide["force"][some] if "force" in wide and axes == 2 else None,
         torque_model=np.zeros_like(theta),
         x0=np.zeros(axes),
         K=np.zeros((axes, axes)),
@@ -100,16 +102,20 @@ def view_of(trial: Trial, setup: Setup, model: RobotModel, bad: Mask) -> View:
     )
 
 
-def setting_of(parts: Sequence[View], model: RobotModel) -> Setting:
+def setting_of(parts: Sequence[View], base: Base) -> Setting:
     """What of the apparatus and the motion decides which candidates make sense."""
+    model = base.model
     theta = np.concatenate([view.theta[view.valid] for view in parts])
     omega = np.concatenate([np.abs(view.omega[view.valid]) for view in parts])
     reach = max((float(np.ptp(view.x[view.valid], axis=0).max()) for view in parts if view.load), default=0.0)
     planar = len(model.task_axes) == 2
     return Setting(
         joints=model.joints,
-        prismatic=model.name == "slide-1d",
+        slides=model.prismatic,
         planar=planar,
+        axes=len(model.task_axes),
+        rotary_load=tuple(model.task_axes) == ROTARY_AXES,
+        bare=base.bare,
         span=np.maximum(np.ptp(theta, axis=0), 1e-6),
         speed=np.maximum(np.percentile(omega, 95, axis=0), 1e-6),
         reach=reach,

@@ -30,7 +30,8 @@ class Setting:
 
     Attributes:
         joints: number of joints; slides: which of them are prismatic, n of them.
-        planar: two task axes; axes: how many there are; rotary_load: the load is a torque at the joint.
+        planar: two task axes; axes: how many there are; rotary_load: the load is a torque at the joint;
+            bare: that torque is measured, and no drive stands between sensor and load.
         span: range of each joint's angle, rad (m), (n,).
         speed: 95th percentile of each joint's speed, rad/s (m/s), (n,).
         reach: range of the end-effector in load trials, m; 0 without load trials.
@@ -44,6 +45,7 @@ class Setting:
     planar: bool
     axes: int
     rotary_load: bool
+    bare: bool
     span: Floats
     speed: Floats
     reach: float

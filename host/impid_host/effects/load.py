@@ -17,6 +17,11 @@ def _alone(column: Floats, axis: int) -> Floats:
     return force
 
 
+def _scalar(values: Floats) -> Value:
+    """One number for a load of one axis, else a number per axis."""
+    return [float(v) for v in values] if len(values) > 1 else float(values[0])
+
+
 def _is_spring(view: View) -> bool:
     return view.kind == "mass-spring"
 
@@ -41,6 +46,8 @@ def _damping(setting: Setting) -> Iterator[Candidate]:
         gate=lambda beta, _shape: bool(beta[0] > 0),
         variant="equal in x and y",
     )
+    if not setting.planar:
+        return
     yield Candidate(
         "load.damping",
         _PLACE,
@@ -67,13 +74,14 @@ def _cubic(setting: Setting) -> Iterator[Candidate]:
     def one(view: View, _shape: float) -> Columns:
         return by_load(view, (view.x - view.x0) ** 3)
 
-    yield Candidate(
-        "load.stiffness_cubic",
-        _PLACE,
-        radial,
-        lambda beta, _shape: {"cubic": float(beta[0])},
-        variant="radial",
-    )
+    if setting.axes > 1:
+        yield Candidate(
+            "load.stiffness_cubic",
+            _PLACE,
+            radial,
+            lambda beta, _shape: {"cubic": float(beta[0])},
+            variant="radial",
+        )
     yield Candidate(
         "load.stiffness_cubic",
         _PLACE,
@@ -81,6 +89,8 @@ def _cubic(setting: Setting) -> Iterator[Candidate]:
         lambda beta, _shape: {"cubic": float(beta[0])},
         variant="equal in x and y",
     )
+    if not setting.planar:
+        return
     yield Candidate(
         "load.stiffness_cubic",
         _PLACE,
@@ -150,7 +160,8 @@ def _deadzone(setting: Setting) -> Iterator[Candidate]:
         inside = np.clip(view.x - view.x0, -0.5 * width, 0.5 * width)
         return by_load(view, -inside @ view.K.T)
 
-    for variant, columns in (("radial", radial), ("x and y", per_axis)):
+    variants = (("radial", radial), ("x and y", per_axis))
+    for variant, columns in variants if setting.axes > 1 else variants[:1]:
         yield Candidate(
             "load.deadzone",
             _PLACE,
@@ -194,19 +205,19 @@ def _drift(setting: Setting) -> Iterator[Candidate]:
             return {}
         # -F_ext = K (x - x0 - rate t)
         t = (view.t - 0.5 * view.t[-1])[:, None]
-        return by_load(view, -t * view.K[:, 0], -t * view.K[:, 1])
+        return by_load(view, *(-t * column for column in view.K.T))
 
     yield Candidate(
         "load.drift",
         _PLACE,
         columns,
-        lambda beta, _shape: {"rate": [float(beta[0]), float(beta[1])]},
-        size=2,
+        lambda beta, _shape: {"rate": _scalar(beta)},
+        size=setting.axes,
     )
 
 
 def _coupling(setting: Setting) -> Iterator[Candidate]:
-    if not setting.springs:
+    if not (setting.springs and setting.planar):
         return
 
     def stiffness(view: View, _shape: float) -> Columns:

@@ -65,6 +65,8 @@ def _elastic_joint(setting: Setting) -> Iterator[Candidate]:
 
 
 def _transmission(setting: Setting) -> Iterator[Candidate]:
+    if setting.bare:
+        return
     for joint in range(setting.joints):
 
         def columns(view: View, _shape: float, joint: int = joint) -> Columns:

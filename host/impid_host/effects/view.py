@@ -107,10 +107,11 @@ def with_motion(view: View, theta: Floats, omega: Floats, acc: Floats) -> View:
     angle, predicted = view.sensor_angle, view.predicted
     turn, turn_rate = view.turn, view.turn_rate
     if angle is not None and np.any(view.turn != 0):
-        angle = angle + theta[:, 1] - view.theta[:, 1]
-        turn, turn_rate = omega[:, 1], acc[:, 1]
+        # The end-effector's angle is linear in the joints' angles.
+        angle = angle + model.tip_angle(theta) - model.tip_angle(view.theta)
+        turn, turn_rate = model.tip_turn(omega), model.tip_turn(acc)
     if angle is not None:
-        predicted = rotated(a, -angle)
+        predicted = rotated(a - np.array(model.plane_gravity_m_s2), -angle)
     return replace(
         view,
         theta=theta,

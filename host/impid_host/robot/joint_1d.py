@@ -15,6 +15,7 @@ class Joint1D(SingleAxis):
 
     name: ClassVar[str] = "joint-1d"
     joints: ClassVar[int] = 1
+    prismatic: ClassVar[tuple[bool, ...]] = (False,)
     task_axes: ClassVar[tuple[str, ...]] = ("theta",)
     parameter_names: ClassVar[tuple[str, ...]] = ("I", "B")
     parameter_units: ClassVar[tuple[str, ...]] = ("kg*m^2", "N*m*s/rad")

@@ -31,6 +31,14 @@ class RobotModel(Protocol):
         """Names of the end-effector's axes, d of them."""
 
     @property
+    def prismatic(self) -> tuple[bool, ...]:
+        """Which joints slide: N and m stand for N m and rad there, n of them."""
+
+    @property
+    def plane_gravity_m_s2(self) -> tuple[float, float]:
+        """Gravity along x and y of an arm in a plane, m/s^2; it pulls at an accelerometer too."""
+
+    @property
     def parameter_names(self) -> tuple[str, ...]:
         """The p parameters, in the order of the regressor's columns."""
 
@@ -49,6 +57,12 @@ class RobotModel(Protocol):
 
     def jacobian_rate(self, theta: Floats, omega: Floats) -> Floats:
         """J', the rate of J along the motion: (N, n) twice -> (N, d, n)."""
+
+    def tip_angle(self, theta: Floats) -> Floats:
+        """Angle from x to the end-effector's x' axis, of an arm in a plane: (N, n) -> (N,), rad."""
+
+    def tip_turn(self, omega: Floats) -> Floats:
+        """Rate of that angle, linear in the joints' rates: (N, n) -> (N,); of accelerations likewise."""
 
     def inertia(self, theta: Floats, parameters: Floats) -> Floats:
         """I(theta): (N, n) -> (N, n, n)."""

@@ -24,6 +24,8 @@ class Planar2RAbsolute:
 
     name: ClassVar[str] = "planar-2r-absolute"
     joints: ClassVar[int] = 2
+    prismatic: ClassVar[tuple[bool, ...]] = (False, False)
+    plane_gravity_m_s2: ClassVar[tuple[float, float]] = (0.0, 0.0)
     task_axes: ClassVar[tuple[str, ...]] = ("x", "y")
     parameter_names: ClassVar[tuple[str, ...]] = ("alpha1", "alpha2", "alpha3", "alpha4", "alpha5")
     parameter_units: ClassVar[tuple[str, ...]] = ("kg*m^2", "kg*m^2", "kg*m^2", "N*m*s/rad", "N*m*s/rad")
@@ -66,6 +68,14 @@ class Planar2RAbsolute:
             [-self.l1 * np.sin(t1) * w1, self.l2 * np.cos(t2) * w2],
         ]
         return np.moveaxis(np.array(rows), 2, 0)
+
+    def tip_angle(self, theta: Floats) -> Floats:
+        """x' = (cos t2, sin t2): (N, 2) -> (N,), rad."""
+        return np.asarray(theta[:, 1])
+
+    def tip_turn(self, omega: Floats) -> Floats:
+        """(N, 2) -> (N,), rad/s."""
+        return np.asarray(omega[:, 1])
 
     def inertia(self, theta: Floats, parameters: Floats) -> Floats:
         """[D] eq. 11: (N, 2) -> (N, 2, 2), kg m^2."""

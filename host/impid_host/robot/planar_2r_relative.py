@@ -31,11 +31,17 @@ class Planar2RRelative:
 
     name: ClassVar[str] = "planar-2r-relative"
     joints: ClassVar[int] = 2
+    prismatic: ClassVar[tuple[bool, ...]] = (False, False)
     task_axes: ClassVar[tuple[str, ...]] = ("x", "y")
 
     @property
     def _has_gravity(self) -> bool:
         return self.gravity_m_s2 != (0.0, 0.0)
+
+    @property
+    def plane_gravity_m_s2(self) -> tuple[float, float]:
+        """Gravity's components in the base frame, m/s^2."""
+        return self.gravity_m_s2
 
     @property
     def parameter_names(self) -> tuple[str, ...]:
@@ -95,6 +101,14 @@ class Planar2RRelative:
         s1, c1 = self.l1 * np.sin(q1) * v1, self.l1 * np.cos(q1) * v1
         s12, c12 = self.l2 * np.sin(q12) * w, self.l2 * np.cos(q12) * w
         return np.moveaxis(np.array([[-c1 - c12, -c12], [-s1 - s12, -s12]]), 2, 0)
+
+    def tip_angle(self, theta: Floats) -> Floats:
+        """x' lies along the second link: (N, 2) -> (N,), rad."""
+        return np.asarray(theta[:, 0] + theta[:, 1])
+
+    def tip_turn(self, omega: Floats) -> Floats:
+        """(N, 2) -> (N,), rad/s."""
+        return np.asarray(omega[:, 0] + omega[:, 1])
 
     def inertia(self, theta: Floats, parameters: Floats) -> Floats:
         """(N, 2) -> (N, 2, 2), kg m^2."""

@@ -1,5 +1,7 @@
 """What every robot of one axis shares: the axis is its own task coordinate, and nothing turns."""
 
+from typing import ClassVar
+
 import numpy as np
 
 from impid_host.signals.arrays import Floats
@@ -9,6 +11,8 @@ class SingleAxis:
     """Inertia times acceleration plus viscous friction times velocity; N instants, SI units of the axis."""
 
     __slots__ = ()
+
+    plane_gravity_m_s2: ClassVar[tuple[float, float]] = (0.0, 0.0)
 
     def regressor(self, theta: Floats, omega: Floats, theta_dd: Floats) -> Floats:  # noqa: ARG002
         """Y (N, 1, 2)."""
@@ -25,6 +29,14 @@ class SingleAxis:
     def jacobian_rate(self, theta: Floats, omega: Floats) -> Floats:  # noqa: ARG002
         """(N, 1) -> (N, 1, 1), always 0."""
         return np.zeros((len(theta), 1, 1))
+
+    def tip_angle(self, theta: Floats) -> Floats:
+        """An axis carries no accelerometer that turns: (N, 1) -> (N,), always 0."""
+        return np.zeros(len(theta))
+
+    def tip_turn(self, omega: Floats) -> Floats:
+        """(N, 1) -> (N,), always 0."""
+        return np.zeros(len(omega))
 
     def inertia(self, theta: Floats, parameters: Floats) -> Floats:
         """(N, 1) -> (N, 1, 1), kg m^2 or kg."""

@@ -12,6 +12,7 @@ class Slide1D(SingleAxis):
 
     name: ClassVar[str] = "slide-1d"
     joints: ClassVar[int] = 1
+    prismatic: ClassVar[tuple[bool, ...]] = (True,)
     task_axes: ClassVar[tuple[str, ...]] = ("x",)
     parameter_names: ClassVar[tuple[str, ...]] = ("M", "Fv")
     parameter_units: ClassVar[tuple[str, ...]] = ("kg", "N*s/m")

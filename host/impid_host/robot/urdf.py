@@ -52,6 +52,16 @@ class Urdf:
         return int(self.pin_model.nv)
 
     @property
+    def prismatic(self) -> tuple[bool, ...]:
+        """Which joints slide, n."""
+        return tuple("P" in joint.shortname() for joint in list(self.pin_model.joints)[1:])
+
+    @property
+    def plane_gravity_m_s2(self) -> tuple[float, float]:
+        """A URDF's gravity is along -z; an arm that stays in x and y feels none."""
+        return (0.0, 0.0)
+
+    @property
     def parameter_names(self) -> tuple[str, ...]:
         """Base parameters, then viscous friction per joint."""
         return self.base_names + tuple(f"Fv{joint + 1}" for joint in range(self.joints))
@@ -59,8 +69,7 @@ class Urdf:
     @property
     def parameter_units(self) -> tuple[str, ...]:
         """Units in the order of the names (prismatic joints: N s/m)."""
-        prismatic = ["P" in joint.shortname() for joint in list(self.pin_model.joints)[1:]]
-        return self.base_units + tuple("N*s/m" if p else "N*m*s/rad" for p in prismatic)
+        return self.base_units + tuple("N*s/m" if slides else "N*m*s/rad" for slides in self.prismatic)
 
     def regressor(self, theta: Floats, omega: Floats, theta_dd: Floats) -> Floats:
         """Y (N, n, b + n)."""
@@ -103,6 +112,22 @@ class Urdf:
             )
             out[k] = full[: len(self.task_axes)]
         return out
+
+    def tip_angle(self, theta: Floats) -> Floats:
+        """Of the last frame's x axis in the base's x-y plane: (N, n) -> (N,), rad."""
+        pin = _pinocchio()
+        pin.framesForwardKinematics(self.pin_model, self.pin_data, np.zeros(self.joints))
+        R = self.pin_data.oMf[self.frame].rotation
+        return self.tip_turn(theta) + float(np.arctan2(R[1, 0], R[0, 0]))
+
+    def tip_turn(self, omega: Floats) -> Floats:
+        """(N, n) -> (N,), rad/s; every axis of an arm in a plane is parallel to z."""
+        pin = _pinocchio()
+        still = np.zeros(self.joints)
+        J = pin.computeFrameJacobian(
+            self.pin_model, self.pin_data, still, self.frame, pin.LOCAL_WORLD_ALIGNED
+        )
+        return np.asarray(omega @ J[5])
 
     def inertia(self, theta: Floats, parameters: Floats) -> Floats:
         """(N, n) -> (N, n, n): the torque that a unit acceleration of each joint adds."""

@@ -158,7 +158,8 @@ def align(
     v = np.einsum("kij,kj->ki", J, omega)
     if source == "accelerometer" and raw.specific_force is not None and setup.accelerometer is not None:
         along_axes = chain.value(raw.specific_force, rate)
-        a = base_frame_acceleration(along_axes, theta, setup.accelerometer)
+        angle = sensor_angle(theta, setup.accelerometer, model)
+        a = base_frame_acceleration(along_axes, angle, model.plane_gravity_m_s2)
         theta_dd = joint_acceleration(a, J, J_rate, omega)
     else:
         theta_dd = chain.second_derivative(raw.theta, rate)
@@ -184,14 +185,25 @@ def align(
     )
 
 
-def base_frame_acceleration(along_axes: Floats, theta: Floats, accelerometer: AccelerometerSetup) -> Floats:
-    """Specific force along the sensor's axes (N, 2) in the base frame (N, 2), m/s^2; the plane is level."""
+def sensor_angle(theta: Floats, accelerometer: AccelerometerSetup, model: RobotModel) -> Floats:
+    """Angle from x to the sensor's first axis: (N, n) -> (N,), rad."""
     angle = np.full(len(theta), accelerometer.mount_angle_rad)
-    if accelerometer.mount == "link2":
-        angle = angle + theta[:, 1]
+    return angle + model.tip_angle(theta) if accelerometer.mount == "link2" else angle
+
+
+def base_frame_acceleration(
+    along_axes: Floats, angle: Floats, gravity_m_s2: tuple[float, float] = (0.0, 0.0)
+) -> Floats:
+    """Specific force along the sensor's axes (N, 2) as acceleration in the base frame (N, 2), m/s^2.
+
+    Args:
+        angle: from x to the sensor's first axis, (N,).
+        gravity_m_s2: in the plane; a sensor at rest feels the opposite.
+    """
     c, s = np.cos(angle), np.sin(angle)
     first, second = along_axes.T
-    return np.stack([c * first - s * second, s * first + c * second], axis=1)
+    felt = np.stack([c * first - s * second, s * first + c * second], axis=1)
+    return np.asarray(felt + np.array(gravity_m_s2))
 
 
 def joint_acceleration(a: Floats, J: Floats, J_rate: Floats, omega: Floats) -> Floats:

@@ -47,8 +47,11 @@ NAMES = (
 def setting(**changes: object) -> Setting:
     usual: dict[str, object] = {
         "joints": 2,
-        "prismatic": False,
+        "slides": (False, False),
         "planar": True,
+        "axes": 2,
+        "rotary_load": False,
+        "bare": False,
         "span": np.array([0.7, 0.7]),
         "speed": np.array([1.5, 1.5]),
         "reach": 0.04,
@@ -83,7 +86,9 @@ def test_without_accelerometer_nothing_is_said_of_it() -> None:
 
 
 def test_a_single_axis_has_no_effects_of_the_plane() -> None:
-    one = setting(joints=1, prismatic=True, planar=False, springs=(), span=np.ones(1), speed=np.ones(1))
+    one = setting(
+        joints=1, slides=(True,), planar=False, axes=1, springs=(), span=np.ones(1), speed=np.ones(1)
+    )
     tried = {candidate.effect for candidate in candidates(one)}
     assert "elastic.cartesian" not in tried
     assert "friction.coulomb" in tried
