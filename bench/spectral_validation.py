@@ -42,9 +42,11 @@ def dynamic_stiffness(omega: np.ndarray, M: np.ndarray, B: np.ndarray, K: np.nda
     return K + 1j * w * B - w**2 * M
 
 
-def shake(rng: np.random.Generator, load: Matrices, first_seed: int, voluntary_N: float) -> TrialSignals:
+def shake(
+    rng: np.random.Generator, load: Matrices, first_seed: int, voluntary_N: float, candidates: int = 100
+) -> TrialSignals:
     """One trial, solved exactly by frequency, with sensor noise."""
-    perturbation = design_perturbation(4.0, first_seed=first_seed).force
+    perturbation = design_perturbation(4.0, first_seed=first_seed, candidates=candidates).force
     samples = len(perturbation)
     n_fft = 2**17
     omega = 2 * np.pi * np.fft.rfftfreq(n_fft, 1 / FS)

@@ -9,7 +9,8 @@ from impid_host.impedance.spectral.coherence import (
 )
 from impid_host.impedance.spectral.frequency_response import direct_response, noise_spectrum
 from impid_host.impedance.spectral.random_error import random_error
-from impid_host.impedance.spectral.welch import WelchSetting, cross_spectra, independent_averages
+from impid_host.impedance.spectral.transforms import cross_spectra
+from impid_host.impedance.spectral.welch import WelchSetting, independent_averages
 
 SETTING = WelchSetting(256, 256, 128)
 

@@ -8,7 +8,8 @@ from impid_host.impedance.spectral.frequency_response import (
     impedance,
     noise_spectrum,
 )
-from impid_host.impedance.spectral.welch import FINE, SMOOTH, WelchSetting, cross_spectra
+from impid_host.impedance.spectral.transforms import cross_spectra
+from impid_host.impedance.spectral.welch import FINE, SMOOTH, WelchSetting
 
 SETTING = WelchSetting(512, 256, 192)
 

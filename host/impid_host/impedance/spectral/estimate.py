@@ -5,6 +5,7 @@ The steps of [P] in their order; each step's algebra is in the file of its name.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
@@ -16,35 +17,34 @@ from impid_host.impedance.spectral.coherence import (
     partial_coherence,
     zero_coherence_level,
 )
-from impid_host.impedance.spectral.frequency_response import (
-    derived_response,
-    direct_response,
-    impedance,
-    noise_spectrum,
-)
+from impid_host.impedance.spectral.frequency_response import direct_response, impedance, noise_spectrum
 from impid_host.impedance.spectral.normality import NormalityCheck, normality
 from impid_host.impedance.spectral.random_error import random_error
 from impid_host.impedance.spectral.repeatability import RepeatabilityCheck, repeatability
 from impid_host.impedance.spectral.second_order import (
     SecondOrderFit,
     fit_second_order,
-    impedance_error_factor,
     second_order_impedance,
 )
 from impid_host.impedance.spectral.stationarity import StationarityCheck, stationarity
-from impid_host.impedance.spectral.weighted_fit import CrossSpectra, fit_cross_spectra
-from impid_host.impedance.spectral.welch import (
-    FINE,
-    WelchSetting,
-    bin_correlation,
-    cross_spectra,
-    independent_averages,
+from impid_host.impedance.spectral.surrogates import Loop, with_intervals
+from impid_host.impedance.spectral.transforms import MARGIN, Sampling, Transforms, pooled, transform_trial
+from impid_host.impedance.spectral.weighted_fit import (
+    Quiet,
+    Task,
+    fit_weighted,
+    predicted,
+    projected,
+    solve,
 )
+from impid_host.impedance.spectral.welch import FINE, WelchSetting, independent_averages
 
 FIT_UPPER_HZ = 10.0
 # [P]'s perturbation ends at 15 Hz; far beyond, ratios of two nothings say nothing.
 UPPER_HZ = 25.0
 AGREEMENT_UPPER_HZ = (5.0, 10.0)
+# They know a standard deviation to 11 %, which Student's t accounts for.
+SURROGATES = 40
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,11 +56,13 @@ class TrialSignals:
             fx, fy; from a force sensor or from the virtual one.
         displacement: d, position of the end-effector (m), shape (N, n).
         perturbation: F_delta, commanded perturbation (N), shape (N, n), or None where it was not logged.
+        force_slope: d force / d (parameters of the robot) where a virtual sensor gave it, shape (N, n, k).
     """
 
     force: Floats
     displacement: Floats
     perturbation: Floats | None = None
+    force_slope: Floats | None = None
 
     def __post_init__(self) -> None:
         commanded = () if self.perturbation is None else (self.perturbation,)
@@ -149,16 +151,6 @@ class SpectralEstimate:
         return "\n".join(lines)
 
 
-@dataclass(frozen=True, slots=True)
-class _Spectra:
-    """Pooled spectra of displacement, force and what the direct estimate leaves, (n_f, n, n) each."""
-
-    dd: Complexes
-    dF: Complexes
-    FF: Complexes
-    noise: Complexes
-
-
 def estimate_spectral(
     trials: Sequence[TrialSignals],
     fs: float,
@@ -167,6 +159,8 @@ def estimate_spectral(
     expected: tuple[Floats, Floats, Floats] | None = None,
     fit_upper_Hz: float = FIT_UPPER_HZ,
     upper_Hz: float = UPPER_HZ,
+    slope_covariance: Floats | None = None,
+    surrogates: int = SURROGATES,
 ) -> SpectralEstimate:
     """Impedance of one load from one or more trials, whose spectra are averaged.
 
@@ -177,132 +171,151 @@ def estimate_spectral(
         expected: (M, B, K) known beforehand, as of a spring array; the agreement then is with that model.
         fit_upper_Hz: end of the band that the second-order model is fitted over.
         upper_Hz: highest frequency of the estimates; the perturbation should reach it.
+        slope_covariance: of the parameters behind the trials' `force_slope`, shape (k, k).
+        surrogates: how many stand behind the intervals of the published fit, in the best estimate; 0: none,
+            and those are not numbers.
 
     Raises:
         UndeterminedError: no trials, trials shorter than one window, or inputs that cannot be told apart.
     """
     if not trials:
         raise UndeterminedError("no stochastic trials of this load")
-
-    def pooled(a: str, b: str) -> Complexes:
-        return _pooled(trials, (a, b), fs, setting)[kept]
-
     grid = np.arange(setting.n_fft // 2 + 1) * fs / setting.n_fft
-    kept = (grid > 0) & (grid <= max(upper_Hz, fit_upper_Hz))
-    frequency = grid[kept]
-    S_dd, S_dF, S_FF = (
-        pooled("displacement", "displacement"),
-        pooled("displacement", "force"),
-        pooled("force", "force"),
-    )
-    segments = sum(setting.segments(len(t.force)) for t in trials)
-    averages = sum(independent_averages(setting, len(t.force)) for t in trials)
+    bins = np.flatnonzero((grid > 0) & (grid <= max(upper_Hz, fit_upper_Hz)))
+    sampling = Sampling(fs, setting, bins)
+    frequency = sampling.frequency_Hz
+    lengths = [len(t.force) - 2 * MARGIN for t in trials]
+    averages = sum(independent_averages(setting, length) for length in lengths)
     band = (frequency >= setting.resolution_Hz(fs) * (1 - 1e-9)) & (frequency <= fit_upper_Hz)
-    spacing = frequency[band][:, np.newaxis] - frequency[band]
-    context = _Context(
-        frequency, band, averages, bin_correlation(setting, len(trials[0].force), fs, spacing), expected
-    )
-
-    C = direct_response(S_dF, S_FF)
-    spectra = _Spectra(S_dd, S_dF, S_FF, noise_spectrum(C, S_dd, S_dF, S_FF))
-    direct = _response(context, spectra, C, _Instrument(S_dF, S_FF, S_FF))
+    records = _transforms(trials, sampling)
+    edges = (float(frequency[band][0]), float(frequency[band][-1])) if np.any(band) else (0.0, 0.0)
+    task = Task(sampling, edges, averages, _quiet(trials, sampling), slope_covariance)
+    commanded = all(t.perturbation is not None for t in trials)
+    direct = _response(task, records, "force", expected, 0 if commanded else surrogates)
     derived, T, R = None, None, None
-    if all(t.perturbation is not None for t in trials):
-        S_pp = pooled("perturbation", "perturbation")
-        S_dp, S_Fp = pooled("displacement", "perturbation"), pooled("force", "perturbation")
-        R, T = direct_response(S_dp, S_pp), direct_response(S_Fp, S_pp)
-        derived = _response(context, spectra, derived_response(R, T), _Instrument(S_dp, S_Fp, S_pp))
+    n = trials[0].force.shape[1]
+    if commanded:
+        derived = _response(task, records, "perturbation", expected, surrogates)
+        p = [_given(record.p) for record in records]
+        S_pp = pooled(p, p)
+        R = direct_response(pooled([record.d for record in records], p), S_pp)
+        T = direct_response(pooled([record.F for record in records], p), S_pp)
     return SpectralEstimate(
         frequency,
         band,
         setting,
-        segments,
+        sum(setting.segments(length) for length in lengths),
         averages,
-        _input_coherence(S_FF),
+        _input_coherence(pooled([record.F for record in records], [record.F for record in records])),
         direct,
         derived,
         T,
         R,
-        zero_coherence_level(averages, S_FF.shape[1]),
+        zero_coherence_level(averages, n),
         _checks(trials, fs),
     )
 
 
-@dataclass(frozen=True, slots=True)
-class _Instrument:
-    """Cross-spectra of displacement and force with the instrument w, and its own, each shape (n_f, n, n)."""
-
-    dw: Complexes
-    Fw: Complexes
-    ww: Complexes
+Instrument = Literal["force", "perturbation"]
 
 
 @dataclass(frozen=True, slots=True)
-class _Context:
-    frequency: Floats
-    band: np.ndarray[tuple[int], np.dtype[np.bool_]]
-    averages: float
-    correlation: Floats
-    expected: tuple[Floats, Floats, Floats] | None
+class _Published:
+    """What [P] computes from the spectra."""
+
+    C: Complexes
+    partial: Floats
+    multiple: Floats
+    Z: Complexes
 
 
-def _pooled(
-    trials: Sequence[TrialSignals], signals: tuple[str, str], fs: float, setting: WelchSetting
-) -> Complexes:
-    """Cross-spectrum of two signals averaged over the trials, each weighted by its number of segments."""
-    weights = np.array([setting.segments(len(trial.force)) for trial in trials], dtype=np.float64)
-    spectra = [cross_spectra(getattr(t, signals[0]), getattr(t, signals[1]), fs, setting)[1] for t in trials]
-    return np.asarray(np.tensordot(weights / weights.sum(), np.array(spectra), axes=1))
+def _transforms(trials: Sequence[TrialSignals], sampling: Sampling) -> list[Transforms]:
+    return [transform_trial(t.force, t.displacement, t.perturbation, t.force_slope, sampling) for t in trials]
+
+
+def _quiet(trials: Sequence[TrialSignals], sampling: Sampling) -> Quiet:
+    """The trials through a Hann window as long as the shortest."""
+    lengths = [len(t.force) - 2 * MARGIN for t in trials]
+    half = min(lengths) // 2
+    setting = WelchSetting(2 * half, 2 * half, half)
+    grid = np.arange(1, half + 1)
+    long = Sampling(sampling.fs, setting, grid[grid * sampling.fs / (2 * half) <= sampling.frequency_Hz[-1]])
+    averages = sum(independent_averages(setting, length) for length in lengths)
+    return Quiet(_transforms(trials, long), long, averages)
+
+
+def _given(p: Complexes | None) -> Complexes:
+    if p is None:
+        raise ValueError("this estimate needs the perturbation of every trial")
+    return p
+
+
+def _instruments(records: Sequence[Transforms], which: Instrument) -> list[Complexes]:
+    return [record.F if which == "force" else _given(record.p) for record in records]
+
+
+def _published(frequency: Floats, records: Sequence[Transforms], which: Instrument) -> _Published:
+    """C = S_dw S_Fw^-1 with instrument w, which is R T^-1 with the perturbation, and what follows."""
+    w = _instruments(records, which)
+    F, d = [record.F for record in records], [record.d for record in records]
+    C = direct_response(pooled(d, w), pooled(F, w))
+    S_dd, S_dF, S_FF = pooled(d, d), pooled(d, F), pooled(F, F)
+    noise = noise_spectrum(direct_response(S_dF, S_FF), S_dd, S_dF, S_FF)
+    partial = partial_coherence(C, S_FF, noise)
+    return _Published(C, partial, multiple_coherence(C, S_FF, noise), impedance(frequency, C))
+
+
+def _weighted(task: Task, records: Sequence[Transforms], which: Instrument) -> Loop:
+    """The weighted fit, and what stands before the load, where the perturbation tells."""
+    psi = projected(records, _instruments(records, which))
+    if which == "force":
+        return Loop(fit_weighted(records, psi, task), None)
+    robot = solve([record.of_robot() for record in records], psi, task)
+    psi = predicted(records, solve(records, psi, task), robot, task.sampling.reduced())
+    return Loop(fit_weighted(records, psi, task), robot)
 
 
 def _response(
-    context: _Context, spectra: _Spectra, C: Complexes, instrument: _Instrument
+    task: Task,
+    records: Sequence[Transforms],
+    which: Instrument,
+    expected: tuple[Floats, Floats, Floats] | None,
+    surrogates: int,
 ) -> ResponseEstimate:
-    """Coherences, errors and fit of C = S_dw S_Fw^-1 with instrument w."""
-    n = C.shape[1]
-    band, frequency = context.band, context.frequency[context.band]
-    partial = partial_coherence(C, spectra.FF, spectra.noise)
-    Z = impedance(frequency, C[band])
-    degrees = max(context.averages - n, np.finfo(float).eps)
-    S_Fd = np.conj(np.swapaxes(spectra.dF, 1, 2))
-    residual = noise_spectrum(C[band], spectra.dd[band], spectra.dF[band], spectra.FF[band])
-    left = _hermitian_root(residual) * np.sqrt(context.averages / degrees)
-    S_dw, S_Fw, S_ww = instrument.dw[band], instrument.Fw[band], instrument.ww[band]
-    right = _hermitian_root(S_ww) @ np.linalg.inv(S_Fw) / np.sqrt(context.averages)
-    fit = fit_second_order(
-        frequency,
-        Z,
-        partial[band],
-        error_factor=impedance_error_factor(frequency, Z, left, right),
-        error_correlation=context.correlation,
-    )
-    model = (
-        fit.impedance(frequency)
-        if context.expected is None
-        else second_order_impedance(frequency, *context.expected)
-    )
+    """Coherences, errors and both fits of one estimate."""
+    f = task.sampling.frequency_Hz
+    band = np.flatnonzero((f >= task.band[0]) & (f <= task.band[1]))
+    published = _published(f, records, which)
+    Z, partial = published.Z[band], published.partial
+    frequency = f[band]
+    fit = fit_second_order(frequency, Z, partial[band])
+    loop = _weighted(task, records, which)
+    if surrogates:
+
+        def refit(again: Sequence[Transforms]) -> SecondOrderFit:
+            part = _published(frequency, again, which)
+            return fit_second_order(frequency, part.Z, part.partial)
+
+        fit = with_intervals(
+            fit,
+            loop,
+            [record.at(band) for record in records],
+            refit,
+            task.sampling.reduced().at(band),
+            surrogates,
+            task.slope_covariance,
+        )
+    model = fit.impedance(frequency) if expected is None else second_order_impedance(frequency, *expected)
     return ResponseEstimate(
-        C,
+        published.C,
         partial,
-        multiple_coherence(C, spectra.FF, spectra.noise),
-        random_error(partial, context.averages, n),
+        published.multiple,
+        random_error(partial, task.averages, published.C.shape[1]),
         Z,
         fit,
-        fit_cross_spectra(
-            frequency,
-            CrossSpectra(S_Fw, S_dw, S_ww, spectra.FF[band], S_Fd[band], spectra.dd[band]),
-            context.averages,
-            context.correlation,
-        ),
+        loop.load.fit,
         tuple(agreement(frequency, Z, model, partial[band], upper) for upper in AGREEMENT_UPPER_HZ),
     )
-
-
-def _hermitian_root(S: Complexes) -> Complexes:
-    """The Hermitian square root, which unlike a Cholesky factor varies smoothly where S becomes singular."""
-    value, vector = np.linalg.eigh(S)
-    root = np.sqrt(np.clip(value, 0.0, None))[:, np.newaxis, :]
-    return np.asarray((vector * root) @ np.conj(np.swapaxes(vector, 1, 2)))
 
 
 def _input_coherence(S_FF: Complexes) -> Floats:

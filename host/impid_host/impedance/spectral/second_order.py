@@ -14,6 +14,7 @@ from impid_host.errors import UndeterminedError
 from impid_host.impedance.spectral.arrays import Complexes, Floats
 
 GAIN_WEIGHT = 10.0
+NORMAL_95 = 1.959964
 DB_PER_NEPER = 20.0 / np.log(10.0)
 DEG_PER_RAD = 180.0 / np.pi
 # Elements this far below the largest one are zero to rounding and carry neither gain nor phase.
@@ -25,10 +26,12 @@ class SecondOrderFit:
     """M (kg), B (N s/m), K (N/m), each (n, n), with standard deviations of the same shape and unit.
 
     Attributes:
-        covariance: of the vector (M, B, K), each matrix row by row, shape (3 n^2, 3 n^2); None when no
-            covariance of the impedance was given, and the standard deviations are then NaN.
+        covariance: of the vector (M, B, K), each matrix row by row, shape (3 n^2, 3 n^2); None where it was
+            not estimated, and the standard deviations are then NaN.
         cost: psi_z of [P] eq. A.1 at the solution, summed over the elements.
         band_Hz: lowest and highest frequency that entered.
+        bias: of M, B, K by the method, as far as known, shape (3, n, n). The values are as the method gives
+            them; the intervals are about the values less their bias.
     """
 
     M: Floats
@@ -40,6 +43,13 @@ class SecondOrderFit:
     covariance: Floats | None
     cost: float
     band_Hz: tuple[float, float]
+    bias: Floats
+
+    def ci95(self, name: str) -> Floats:
+        """95 % interval of each entry of the matrix M, B or K, shape (n, n, 2)."""
+        centre = getattr(self, name) - self.bias["MBK".index(name)]
+        half = NORMAL_95 * getattr(self, f"{name}_sd")
+        return np.stack([centre - half, centre + half], axis=-1)
 
     def impedance(self, frequency_Hz: Floats) -> Complexes:
         """Z = j w M + B + K / (j w), N s/m, shape (n_f, n, n)."""
@@ -47,15 +57,15 @@ class SecondOrderFit:
 
     def __str__(self) -> str:
         lines = [
-            f"second-order fit, {self.band_Hz[0]:.2f} to {self.band_Hz[1]:.2f} Hz (value ± 95 % interval)"
+            f"second-order fit, {self.band_Hz[0]:.2f} to {self.band_Hz[1]:.2f} Hz (value [95 % interval])"
         ]
-        for name, unit, value, sd in (
-            ("M", "kg", self.M, self.M_sd),
-            ("B", "N s/m", self.B, self.B_sd),
-            ("K", "N/m", self.K, self.K_sd),
-        ):
-            for i, row in enumerate(value):
-                cells = "  ".join(f"{v:10.4g} ± {1.96 * s:<8.2g}" for v, s in zip(row, sd[i], strict=True))
+        for name, unit in (("M", "kg"), ("B", "N s/m"), ("K", "N/m")):
+            interval = self.ci95(name)
+            for i, row in enumerate(getattr(self, name)):
+                cells = "  ".join(
+                    f"{v:10.4g} [{low:.4g}, {high:.4g}]"
+                    for v, (low, high) in zip(row, interval[i], strict=True)
+                )
                 lines.append(f"  {name if i == 0 else ' '} {cells} {unit if i == 0 else ''}".rstrip())
         return "\n".join(lines)
 
@@ -93,24 +103,13 @@ def negligible_gain(Z: Complexes) -> float:
     return NEGLIGIBLE_GAIN * float(np.max(np.abs(Z)))
 
 
-def fit_second_order(
-    frequency_Hz: Floats,
-    Z: Complexes,
-    gamma2: Floats,
-    *,
-    error_factor: Complexes | None = None,
-    error_correlation: Floats | None = None,
-) -> SecondOrderFit:
-    """Fit M, B and K, each a full n x n matrix, to an impedance estimate.
+def fit_second_order(frequency_Hz: Floats, Z: Complexes, gamma2: Floats) -> SecondOrderFit:
+    """Fit M, B and K, each a full n x n matrix, to an impedance estimate; `surrogates` gives the intervals.
 
     Args:
         frequency_Hz: positive frequencies, shape (n_f,).
         Z: impedance estimate (N s/m), shape (n_f, n, n); n = 1 for a single joint.
         gamma2: partial coherence of each element, shape (n_f, n, n).
-        error_factor: square root of the covariance of Z, from `impedance_error_factor`: the error of Z_ij is
-            sum over a, b of error_factor[f, i, j, a, b] z_ab with z circular of unit power;
-            shape (n_f, n, n, n, n). Without it no intervals are given.
-        error_correlation: correlation of those errors between frequencies, shape (n_f, n_f); default none.
 
     Raises:
         UndeterminedError: fewer frequencies with coherent data than the model has unknowns.
@@ -124,60 +123,32 @@ def fit_second_order(
         )
     weight = np.where(usable, gamma2, 0.0)
     parameters = np.zeros((3, n, n))
-    influence = np.zeros((3, 2, len(frequency_Hz), n, n))
     # Each element of Z depends on its own three parameters only, so the one problem falls apart into n^2.
     for i in range(n):
         for j in range(n):
-            element = _fit_element(frequency_Hz, Z[:, i, j], weight[:, i, j], negligible_gain(Z))
-            parameters[:, i, j], influence[..., i, j] = element
-    covariance = None
-    sd = np.full((3, n, n), np.nan)
-    if error_factor is not None:
-        correlation = np.eye(len(frequency_Hz)) if error_correlation is None else error_correlation
-        covariance = _sandwich(influence, Z, weight, error_factor, correlation)
-        sd = np.sqrt(np.diag(covariance)).reshape(3, n, n)
+            parameters[:, i, j] = _fit_element(frequency_Hz, Z[:, i, j], weight[:, i, j], negligible_gain(Z))
+    unknown = np.full((n, n), np.nan)
     gain, phase = weighted_differences(Z, second_order_impedance(frequency_Hz, *parameters), weight)
     cost = float(np.sum(gain**2) + np.sum(phase**2))
     band = (float(frequency_Hz[0]), float(frequency_Hz[-1]))
-    (M, B, K), (M_sd, B_sd, K_sd) = parameters, sd
-    return SecondOrderFit(M, B, K, M_sd, B_sd, K_sd, covariance, cost, band)
+    M, B, K = parameters
+    return SecondOrderFit(M, B, K, unknown, unknown, unknown, None, cost, band, np.zeros((3, n, n)))
 
 
-def impedance_error_factor(
-    frequency_Hz: Floats, Z: Complexes, left: Complexes, right: Complexes
-) -> Complexes:
-    """Carry the error of C over to Z = (j w C)^-1: dZ = -Z (j w dC) Z, with dC = left z right.
-
-    Args:
-        frequency_Hz: shape (n_f,).
-        Z: shape (n_f, n, n).
-        left: square root of the residual's spectrum, shape (n_f, n, n).
-        right: square root of the instrument's inverse spectrum over the averages, shape (n_f, n, n).
-
-    Returns:
-        Shape (n_f, n, n, n, n), for `fit_second_order`.
-    """
-    jw = 2j * np.pi * frequency_Hz[:, np.newaxis, np.newaxis]
-    return np.asarray(-np.einsum("fia,fbj->fijab", jw * Z @ left, right @ Z))
-
-
-def _fit_element(frequency_Hz: Floats, z: Complexes, weight: Floats, floor: float) -> tuple[Floats, Floats]:
-    """One element's (m, b, k), shape (3,), and how its errors move them, shape (3, 2, n_f).
+def _fit_element(frequency_Hz: Floats, z: Complexes, weight: Floats, floor: float) -> Floats:
+    """One element's (m, b, k), shape (3,).
 
     Args:
         frequency_Hz: shape (n_f,).
         z: the element (N s/m), shape (n_f,).
         weight: shape (n_f,).
         floor: gain (N s/m) that counts as zero.
-
-    Returns:
-        The parameters, and the derivative of (m, b, k) by the weighted gain (dB) and phase (deg) residuals.
     """
     n_f = len(frequency_Hz)
     jw = 2j * np.pi * frequency_Hz
     basis = np.stack([jw, np.ones(n_f), 1 / jw], axis=1)
     if not np.any(weight > 0):
-        return np.zeros(3), np.zeros((3, 2, n_f))
+        return np.zeros(3)
     z_safe = np.where(np.abs(z) > floor, z, floor)
 
     def residual(parameters: Floats) -> Floats:
@@ -202,8 +173,7 @@ def _fit_element(frequency_Hz: Floats, z: Complexes, weight: Floats, floor: floa
         ftol=1e-14,
         gtol=1e-14,
     )
-    influence = -np.linalg.pinv(jacobian(solution.x)).reshape(3, 2, n_f)
-    return np.asarray(solution.x), np.asarray(influence, dtype=np.float64)
+    return np.asarray(solution.x)
 
 
 def _linear_start(basis: Complexes, z: Complexes, weight: Floats) -> Floats:
@@ -212,17 +182,3 @@ def _linear_start(basis: Complexes, z: Complexes, weight: Floats) -> Floats:
     rows = np.concatenate([(w * basis).real, (w * basis).imag])
     target = np.concatenate([(w[:, 0] * z).real, (w[:, 0] * z).imag])
     return np.asarray(np.linalg.lstsq(rows, target, rcond=None)[0], dtype=np.float64)
-
-
-def _sandwich(
-    influence: Floats, Z: Complexes, weight: Floats, error_factor: Complexes, correlation: Floats
-) -> Floats:
-    """Covariance of the fit from the covariance of Z; the weights are the paper's, not inverse variances."""
-    n_f, n, _ = Z.shape
-    inverse = np.divide(1.0, Z, out=np.zeros_like(Z), where=weight > 0)
-    relative = inverse[:, :, :, np.newaxis, np.newaxis] * error_factor
-    # A relative error u of Z_ij moves its gain by the real part of u and its phase by the imaginary part.
-    gain = influence[:, 0] * GAIN_WEIGHT * DB_PER_NEPER * weight
-    phase = influence[:, 1] * DEG_PER_RAD * weight
-    a = np.einsum("qfij,fijab->qijfab", gain - 1j * phase, relative).reshape(3 * n * n, n_f, n * n)
-    return np.asarray(0.5 * np.einsum("pfc,fg,qgc->pq", np.conj(a), correlation, a, optimize=True).real)

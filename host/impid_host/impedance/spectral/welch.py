@@ -1,4 +1,4 @@
-"""Auto- and cross-spectra of any number of signals by Welch's method, and how many averages they are worth.
+"""How Welch's method cuts a record into segments, and how many averages they are worth.
 
 Source: [P] Sec. III-A for the two settings; P. D. Welch, IEEE Trans. Audio Electroacoust. 15 (1967) 70-73 for
 the variance of overlapping segments.
@@ -6,11 +6,7 @@ the variance of overlapping segments.
 
 from dataclasses import dataclass
 
-import numpy as np
 import scipy.signal
-
-from impid_host.errors import UndeterminedError
-from impid_host.impedance.spectral.arrays import Complexes, Floats
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,79 +51,16 @@ FINE = WelchSetting(n_fft=8192, n_window=8192, n_overlap=4096)
 SMOOTH = WelchSetting(n_fft=8192, n_window=2048, n_overlap=1536)
 
 
-def cross_spectra(a: Floats, b: Floats, fs: float, setting: WelchSetting) -> tuple[Floats, Complexes]:
-    """One-sided cross-spectral density matrices S_ab = E[A B^H].
-
-    With this order y = H u gives S_yu = H S_uu, as matrices are written.
-
-    Args:
-        a: signals, shape (N, n_a), any unit.
-        b: signals, shape (N, n_b), any unit, same instants as `a`.
-        fs: sampling rate, Hz.
-        setting: segmentation; each segment has its mean removed.
-
-    Returns:
-        Frequencies (Hz), shape (n_f,), and S_ab (unit a x unit b / Hz), shape (n_f, n_a, n_b).
-
-    Raises:
-        UndeterminedError: the record is shorter than one segment.
-    """
-    if setting.segments(len(a)) < 1:
-        raise UndeterminedError(
-            f"a record of {len(a)} samples is shorter than one Welch window of {setting.n_window}; "
-            "record longer or choose a shorter window"
-        )
-    # scipy's csd is E[conj(X) Y]: its first argument is the one conjugated, here b.
-    frequency, spectra = scipy.signal.csd(
-        b[:, np.newaxis, :],
-        a[:, :, np.newaxis],
-        fs=fs,
-        window="hann",
-        nperseg=setting.n_window,
-        noverlap=setting.n_overlap,
-        nfft=setting.n_fft,
-        detrend="constant",
-        axis=0,
-    )
-    return np.asarray(frequency, dtype=np.float64), np.asarray(spectra, dtype=np.complex128)
-
-
-def _window_overlap_power(setting: WelchSetting, segments: int, offset: Floats) -> Floats:
-    """Sum over segment pairs of the correlation of their estimates, `offset` cycles/sample apart."""
-    window = scipy.signal.get_window("hann", setting.n_window)
-    power = float(np.sum(window**2))
-    total = np.zeros(offset.shape)
-    lag = 0
-    while lag < segments and lag * setting.step < setting.n_window:
-        shift = lag * setting.step
-        product = window[: setting.n_window - shift] * window[shift:]
-        phase = np.exp(-2j * np.pi * np.outer(offset, np.arange(product.size)))
-        correlation = np.abs(phase @ product / power) ** 2
-        total += (segments - lag) * correlation * (1.0 if lag == 0 else 2.0)
-        lag += 1
-    return total
-
-
 def independent_averages(setting: WelchSetting, samples: int) -> float:
     """How many independent segments the overlapping ones are worth, in terms of variance (Welch 1967).
 
     [P] counts every segment as independent (5 and 45); 75 % overlap makes 45 segments worth 23.
     """
     segments = setting.segments(samples)
-    return segments**2 / float(_window_overlap_power(setting, segments, np.zeros(1))[0])
-
-
-def bin_correlation(setting: WelchSetting, samples: int, fs: float, spacing_Hz: Floats) -> Floats:
-    """Correlation between two averaged cross-spectral estimates that lie `spacing_Hz` apart.
-
-    Window and zero padding make neighbouring frequencies share their noise; a fit over frequencies that took
-    them as independent would state intervals too narrow. Holds for spectra flat over one main lobe.
-
-    Returns:
-        Correlation in 0..1, same shape as `spacing_Hz`; 1 at zero spacing.
-    """
-    segments = setting.segments(samples)
-    flat = np.abs(np.atleast_1d(spacing_Hz)).ravel() / fs
-    distinct, where = np.unique(flat.round(15), return_inverse=True)
-    power = _window_overlap_power(setting, segments, np.concatenate([[0.0], distinct]))
-    return np.asarray((power[1:] / power[0])[where].reshape(np.shape(spacing_Hz)))
+    window = scipy.signal.get_window("hann", setting.n_window)
+    total = float(segments)
+    for lag in range(1, min(segments, -(-setting.n_window // setting.step))):
+        shift = lag * setting.step
+        correlation = float(window[: setting.n_window - shift] @ window[shift:] / (window @ window)) ** 2
+        total += 2.0 * (segments - lag) * correlation
+    return segments**2 / total
