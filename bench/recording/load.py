@@ -77,7 +77,8 @@ def run(kind: str, seconds: float) -> dict[str, object]:
         "damaged": recording.counts.bad_frames,
         "megabytes": round(megabytes, 1),
         "priority": os.nice(0),
-        "last_line": (done.stdout or done.stderr).strip().partition(": ")[2],
+        "last_line": done.stdout.strip().partition(": ")[2],
+        "trouble": done.stderr.strip(),
     }
 
 

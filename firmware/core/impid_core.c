@@ -15,14 +15,26 @@ void impid_core_init(impid_core_t *core, const impid_core_config_t *config, cons
     impid_stream_init(&core->stream, config->boot_id, config->first_index);
     impid_selftest_init(&core->selftest, config->vref_mV);
     impid_frame_parser_init(&core->parser);
+    if (config->trace != NULL) {
+        impid_trace_begin(config->trace, config->boot_id);
+    }
+}
+
+static void mark(const impid_core_t *core) {
+    if (core->config.trace != NULL) {
+        impid_trace_mark(core->config.trace,
+                         atomic_load_explicit(&core->sampler.produced, memory_order_relaxed));
+    }
 }
 
 void impid_core_tick(impid_core_t *core, const impid_tick_t *tick) {
     impid_sampler_tick(&core->sampler, tick);
+    mark(core);
 }
 
 void impid_core_missed(impid_core_t *core, uint32_t ticks) {
     impid_sampler_missed(&core->sampler, ticks);
+    mark(core);
 }
 
 void impid_core_poll(impid_core_t *core) {

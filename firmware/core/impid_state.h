@@ -16,6 +16,7 @@
 #include "impid_settings.h"
 #include "impid_stream.h"
 #include "impid_timebase.h"
+#include "impid_trace.h"
 
 #define IMPID_FIRMWARE_VERSION 0x000100u /* major << 16 | minor << 8 | patch */
 
@@ -30,6 +31,7 @@ typedef struct {
     impid_settings_t *settings; /* NULL: this board keeps none, and knows no GET, SET, SAVE */
     const uint32_t *log;        /* the last fault record, NULL: none is kept, and LOG is not known */
     uint8_t log_words;
+    impid_trace_t *trace; /* in memory that outlives a reset; NULL: this board has none */
 } impid_core_config_t;
 
 typedef struct {

@@ -146,6 +146,8 @@ extern "C" {
 #define IMPID_MESSAGES_COMMAND_ITEM_FAULT_HFSR_CHOICE (70u)
 #define IMPID_MESSAGES_COMMAND_ITEM_FAULT_ADDRESS_CHOICE (71u)
 #define IMPID_MESSAGES_COMMAND_ITEM_FAULT_UPTIME_US_CHOICE (72u)
+#define IMPID_MESSAGES_COMMAND_ITEM_LAST_BOOT_ID_CHOICE (73u)
+#define IMPID_MESSAGES_COMMAND_ITEM_LAST_PRODUCED_CHOICE (74u)
 
 #define IMPID_MESSAGES_RESPONSE_OPCODE_INFO_CHOICE (1u)
 #define IMPID_MESSAGES_RESPONSE_OPCODE_START_CHOICE (2u)
@@ -293,7 +295,7 @@ struct impid_messages_command_t {
     uint8_t opcode;
 
     /**
-     * INFO takes items 0 to 31, GET and SET take settings from 32 on, LOG takes the words of the last fault record from 64 on; the other opcodes ignore it.
+     * INFO takes items 0 to 31, GET and SET take settings from 32 on, LOG takes the words of the last fault record from 64 on and what the boot before had sampled; the other opcodes ignore it.
      *
      * Range: 0..255 (0..255 -)
      * Scale: 1

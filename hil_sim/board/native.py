@@ -12,11 +12,17 @@ TICK_US = 1000
 TAKE_BYTES = 65536
 TAKE_FRAMES = 256
 FLASH_BYTES = 4 * 8192  # IMPID_BOARD_FLASH_WORDS
+RETAINED_BYTES = 4 * 3  # IMPID_BOARD_RETAINED_WORDS
 
 
 def new_flash() -> bytearray:
     """The settings' flash as it leaves the factory: all bits 1; 32768 bytes."""
     return bytearray(b"\xff" * FLASH_BYTES)
+
+
+def unpowered_memory() -> bytearray:
+    """Memory that a reset keeps, as a loss of power leaves it."""
+    return bytearray(b"\xa5" * RETAINED_BYTES)
 
 
 @dataclass(frozen=True)
@@ -33,6 +39,7 @@ class BoardConfig:
         can_frames_per_ms: what the bus carries; 0: no limit.
         flash: FLASH_BYTES keeping the settings; a writable `mmap` keeps them in a file. What `replace`
             makes of this configuration shares it, as boots of one board do.
+        retained: RETAINED_BYTES that a reset leaves as they are, and a loss of power does not; shared too.
     """
 
     uid: tuple[int, int, int] = (0x00320044, 0x31385109, 0x38303634)
@@ -43,6 +50,7 @@ class BoardConfig:
     serial_bytes_per_ms: int = 92
     can_frames_per_ms: int = 0
     flash: bytearray | mmap = field(default_factory=new_flash, repr=False, compare=False)
+    retained: bytearray = field(default_factory=unpowered_memory, repr=False, compare=False)
 
 
 class NativeBoard:
@@ -53,6 +61,7 @@ class NativeBoard:
             raise ValueError(f"a flash of {len(config.flash)} bytes; the board's has {FLASH_BYTES}")
         self._next_tick_us = config.start_us
         self._flash = ffi.from_buffer("uint32_t[]", config.flash, require_writable=True)
+        self._retained = ffi.from_buffer("uint32_t[]", config.retained, require_writable=True)
         board = lib.impid_board_new(
             ffi.new(
                 "impid_board_config *",
@@ -65,6 +74,7 @@ class NativeBoard:
                     "serial_bytes_per_ms": config.serial_bytes_per_ms,
                     "can_frames_per_ms": config.can_frames_per_ms,
                     "flash": self._flash,
+                    "retained": self._retained,
                 },
             )
         )
@@ -88,6 +98,11 @@ class NativeBoard:
     def lines_idle_us(self) -> int:
         """Board time at which all that now waits will have left the board."""
         return int(lib.impid_board_lines_idle_us(self._board))
+
+    @property
+    def streaming(self) -> bool:
+        """Samples leave on some carrier."""
+        return bool(lib.impid_board_streaming(self._board))
 
     @property
     def self_test_pin(self) -> bool:

@@ -18,6 +18,10 @@ class Board(Protocol):
         """Board time of the next tick that `run` will run."""
 
     @property
+    def streaming(self) -> bool | None:
+        """Samples leave on some carrier; None where it cannot be told."""
+
+    @property
     def self_test_pin(self) -> bool:
         """The accelerometer's self-test input is driven."""
 

@@ -1,5 +1,7 @@
 """A bus that python-can reaches: `udp_multicast`, which needs nothing but a network stack, or `socketcan`."""
 
+import contextlib
+import socket
 import time
 from collections import deque
 from typing import Any
@@ -13,6 +15,7 @@ from hil_sim.errors import SimError
 SILENCE_S = 2.0
 ECHOES = 4096
 UDP_GROUP, UDP_PORT = "239.74.163.2", 43113  # python-can's own
+SOCKET_BYTES = 4 << 20  # its own echoes wait there too, in front of what the client says
 REMEDY = {
     "socketcan": "make the interface first (ip link add dev vcan0 type vcan && ip link set vcan0 up), "
     "or use --carrier slcan, which needs none",
@@ -73,6 +76,12 @@ class BusCarrier:
         except (can.CanError, OSError) as error:
             interface = options["interface"]
             raise SimError(f"{self.address}: no {interface} here ({error}); {REMEDY[interface]}") from None
+        own = getattr(self._bus, "socket", None) or getattr(
+            getattr(self._bus, "_multicast", None), "_socket", None
+        )
+        if isinstance(own, socket.socket):
+            with contextlib.suppress(OSError):
+                own.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, SOCKET_BYTES)
 
     def close(self) -> None:
         """Leaves the bus for good."""

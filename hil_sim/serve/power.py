@@ -4,10 +4,11 @@ from dataclasses import dataclass, replace
 
 from hil_sim.board import layout
 from hil_sim.board.make import BoardMaker
-from hil_sim.board.native import TICK_US, BoardConfig
+from hil_sim.board.native import TICK_US, BoardConfig, unpowered_memory
 
 # From bus-off to bus-off while the bus is shorted: 128 times 11 bits of waiting, then 32 attempts.
 BUS_OFF_AGAIN_US = 3000
+LOSSES_OF_POWER = frozenset({"POWER_ON", "BROWN_OUT"})
 
 
 @dataclass(frozen=True)
@@ -43,6 +44,8 @@ class PoweredBoard:
     def restart(self, reset_cause: str, off_us: int) -> None:
         """The board stops at `at_us` and boots off_us later, its clock at zero."""
         self.board.close()
+        if reset_cause in LOSSES_OF_POWER:
+            self._config.retained[:] = unpowered_memory()
         cause = layout.code("STATUS_HEALTH", "reset_cause", reset_cause)
         self._config = replace(self._config, boot_id=self._config.boot_id + 1, reset_cause=cause, start_us=0)
         self.board = self._make(self._config)

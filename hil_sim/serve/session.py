@@ -227,6 +227,8 @@ class _Session:
             ticks = self._power.before_ticks(min(ticks, CATCH_UP_TICKS))
             truth = self._world.read(board.next_tick_us, ticks, self_test=board.self_test_pin)
             readings, flags = self._readings(truth)
+            if board.streaming:
+                self._truth.sampled(ticks)
             board.run(readings.adc, readings.encoder, flags)
             self._hand_out()
             self._write_log()

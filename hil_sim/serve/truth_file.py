@@ -19,9 +19,7 @@ class TruthFile:
         self._path = path
         self._scenario, self._trial, self._seed = scenario, trial, seed
         self._begin_us: int | None = None
-        self._boots: list[Json] = [
-            {"boot_id": FIRST_BOOT_ID, "reset_cause": "POWER_ON", "samples_sent": 0, "clock": None}
-        ]
+        self._boots: list[Json] = [_boot(FIRST_BOOT_ID, "POWER_ON", None)]
 
     def begin(self, begin_us: int | None) -> None:
         """The motion begins when the board's clock shows begin_us."""
@@ -31,16 +29,18 @@ class TruthFile:
     def boot(self, boot_id: int, reset_cause: str, begin_us: int | None) -> None:
         """The board has booted; on its new clock the motion began at begin_us."""
         clock = self._clock(begin_us)
-        self._boots.append(
-            {"boot_id": boot_id, "reset_cause": reset_cause, "samples_sent": 0, "clock": clock}
-        )
+        self._boots.append(_boot(boot_id, reset_cause, clock))
 
     def count(self, samples: int) -> None:
         """So many samples have left the board in whole frames."""
         self._boots[-1]["samples_sent"] += samples
 
+    def sampled(self, ticks: int) -> None:
+        """The board has sampled for so many ticks while it streamed."""
+        self._boots[-1]["samples_produced"] += ticks
+
     def boots(self) -> list[Json]:
-        """Every boot: its cause, its clock, the samples that left the board."""
+        """Every boot: its cause, its clock, the samples that it made and those that left it."""
         return self._boots
 
     def write(self, faults: list[Json]) -> None:
@@ -56,3 +56,13 @@ class TruthFile:
 
     def _clock(self, begin_us: int | None) -> Json | None:
         return None if begin_us is None else clock_truth(self._scenario, self._trial, begin_us)
+
+
+def _boot(boot_id: int, reset_cause: str, clock: Json | None) -> Json:
+    return {
+        "boot_id": boot_id,
+        "reset_cause": reset_cause,
+        "samples_produced": 0,
+        "samples_sent": 0,
+        "clock": clock,
+    }

@@ -146,6 +146,22 @@ def test_a_processor_fault_leaves_its_record() -> None:
     assert 10_000 <= bench.value("LOG", "FAULT_UPTIME_US") <= 20_000
 
 
+def test_what_a_reset_cut_off_is_counted_by_the_next_boot() -> None:
+    """The reset comes when its answer has left; until then one sample a millisecond was taken."""
+    bench = Bench()
+    boot_id = bench.value("INFO", "BOOT_ID")
+    assert bench.value("LOG", "LAST_BOOT_ID") == bench.value("LOG", "LAST_PRODUCED") == 0, (
+        "power has just come"
+    )
+    bench.run(10)
+    bench.value("START")
+    bench.run(123)
+    produced = SerialDecoder().feed(bench.board.serial_take()).statuses[-1]
+    bench.reset()
+    assert bench.value("LOG", "LAST_BOOT_ID") == boot_id
+    assert 0 < bench.value("LOG", "LAST_PRODUCED") - produced.produced <= 123 + 50
+
+
 def test_a_main_loop_that_hangs_is_reset_by_the_watchdog() -> None:
     bench = Bench()
     # Nominal 32 kHz: 2000 counts of 1 ms.

@@ -10,7 +10,7 @@ from hil_sim.board.native import BoardConfig, NativeBoard
 from hil_sim.board.wire import FrameReader, command
 
 BOOT_COUNT, CAN_KBPS, X_PER_G, CPR_1, AFTER_LAST = 32, 33, 36, 38, 40
-FIRST_LOG_WORD, AFTER_LOG = 64, 73
+FIRST_LOG_WORD, AFTER_LOG = 64, 75
 REQUESTS = [
     *(("GET", item, 0) for item in range(BOOT_COUNT - 1, AFTER_LAST + 1)),
     ("SET", BOOT_COUNT, 7),

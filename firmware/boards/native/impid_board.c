@@ -12,11 +12,9 @@
 
 #define VREF_MV 3300u
 
-#define LOG_WORDS    9u
+#define FAULT_WORDS  9u
+#define LOG_WORDS    (FAULT_WORDS + 2u)
 #define SECTOR_WORDS (IMPID_BOARD_FLASH_WORDS / IMPID_SETTINGS_SECTORS)
-
-/* As many as on the chip; a process that faults leaves none behind. */
-static const uint32_t no_fault[LOG_WORDS];
 
 /* How far a line of `per_ms` units (bytes or frames) a millisecond has come. */
 typedef struct {
@@ -29,6 +27,8 @@ struct impid_board {
     impid_port_t port;
     impid_flash_t flash_port;
     impid_settings_t settings;
+    impid_trace_t own_trace;
+    uint32_t log[LOG_WORDS]; /* as on the chip; a process that faults leaves no fault behind */
     impid_board_config config;
     uint64_t now_us;
     uint64_t next_tick_us;
@@ -172,6 +172,14 @@ static void start_settings(impid_board *board, uint32_t *flash) {
     (void)impid_settings_count_boot(&board->settings);
 }
 
+_Static_assert(sizeof(impid_trace_t) == IMPID_BOARD_RETAINED_WORDS * sizeof(uint32_t), "one fits the other");
+
+static impid_trace_t *last_stream(impid_board *board, uint32_t *retained) {
+    impid_trace_t *trace = retained != NULL ? (impid_trace_t *)(void *)retained : &board->own_trace;
+    (void)impid_trace_read(trace, &board->log[FAULT_WORDS], &board->log[FAULT_WORDS + 1u]);
+    return trace;
+}
+
 impid_board *impid_board_new(const impid_board_config *config) {
     impid_board *board = calloc(1, sizeof *board);
     if (board == NULL) {
@@ -200,8 +208,9 @@ impid_board *impid_board_new(const impid_board_config *config) {
                                        .first_index = config->first_index,
                                        .boot_us = config->start_us,
                                        .settings = &board->settings,
-                                       .log = no_fault,
-                                       .log_words = LOG_WORDS};
+                                       .log = board->log,
+                                       .log_words = LOG_WORDS,
+                                       .trace = last_stream(board, config->retained)};
     impid_core_init(&board->core, &core_config, &board->port);
     return board;
 }
@@ -296,6 +305,10 @@ void impid_board_can_bus_off(impid_board *board) {
     board->bus_is_off = true;
     /* The controller aborts what waits in its mailboxes; those frames never reached the bus. */
     board->can_used = board->can_left;
+}
+
+int impid_board_streaming(const impid_board *board) {
+    return impid_stream_active(&board->core.stream);
 }
 
 int impid_board_self_test_pin(const impid_board *board) {

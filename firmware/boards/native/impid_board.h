@@ -32,6 +32,9 @@
 /* Two sectors of 16 KiB, as on the chip. */
 #define IMPID_BOARD_FLASH_WORDS 8192u
 
+/* Memory that a reset leaves as it is, and a loss of power does not. */
+#define IMPID_BOARD_RETAINED_WORDS 3u
+
 /* What may wait for *_take(): over three minutes of streaming. When full, the line takes no more and the
  * board counts what it drops, as with a cable that nobody reads. */
 #ifndef IMPID_BOARD_SERIAL_CAPACITY /* a machine with less memory may set both lower */
@@ -52,6 +55,9 @@ typedef struct {
     /* IMPID_BOARD_FLASH_WORDS words in which the board keeps its settings, all bits 1 when new: the caller's,
      * so that they outlive the board, in a mapped file if need be. NULL: a new flash, gone with the board. */
     uint32_t *flash;
+    /* IMPID_BOARD_RETAINED_WORDS words: the caller's, which the next board after a reset gets again. NULL:
+     * its own. */
+    uint32_t *retained;
 } impid_board_config;
 
 typedef struct {
@@ -86,6 +92,8 @@ size_t impid_board_can_take(impid_board *board, impid_board_can_frame *out, size
 /* The state of the bus as the controller sees it: a bus-off is counted and recovered from. */
 void impid_board_can_bus_off(impid_board *board);
 
+/* 1 while samples leave on some carrier. */
+int impid_board_streaming(const impid_board *board);
 /* 1 while the self-test pin of the accelerometer is driven: the simulator adds the self-test response. */
 int impid_board_self_test_pin(const impid_board *board);
 /* 1 once after a RESET command: the caller is to discard this board and make a new one. */

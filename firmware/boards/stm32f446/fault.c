@@ -23,6 +23,8 @@ static struct {
     uint32_t crc;
 } kept __attribute__((section(".noinit")));
 
+static impid_trace_t trace __attribute__((section(".noinit")));
+
 static uint32_t kept_crc(void) {
     return impid_crc32((const uint8_t *)&kept, offsetof(__typeof__(kept), crc));
 }
@@ -62,8 +64,13 @@ uint8_t fault_reset_cause(void) {
     } else {
         /* an older record: only kept */
     }
+    (void)impid_trace_read(&trace, &kept.log.last_boot_id, &kept.log.last_produced);
     seal(0u);
     return cause;
+}
+
+impid_trace_t *fault_trace(void) {
+    return &trace;
 }
 
 const fault_log_t *fault_log(void) {

@@ -7,6 +7,8 @@
 #ifndef FAULT_H
 #define FAULT_H
 
+#include "impid_trace.h"
+
 #include <stdint.h>
 
 typedef enum {
@@ -26,12 +28,16 @@ typedef struct {
     uint32_t cfsr, hfsr;
     uint32_t address; /* MMFAR or BFAR if valid */
     uint32_t uptime_us;
+    uint32_t last_boot_id;  /* the boot before this one and the samples of its last stream, */
+    uint32_t last_produced; /* both zero after a loss of power */
 } fault_log_t;
 
 #define FAULT_LOG_WORDS (sizeof(fault_log_t) / sizeof(uint32_t))
 
 /* At boot, once: the reset cause as STATUS_HEALTH.reset_cause, and the log made valid. */
 uint8_t fault_reset_cause(void);
+/* Kept as the log is; to be given to the core after fault_reset_cause(), which has read it. */
+impid_trace_t *fault_trace(void);
 const fault_log_t *fault_log(void);
 
 /* Records and resets; do not return. */

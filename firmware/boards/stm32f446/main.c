@@ -145,6 +145,7 @@ int main(void) {
         .settings = &settings,
         .log = (const uint32_t *)(const void *)fault_log(),
         .log_words = FAULT_LOG_WORDS,
+        .trace = fault_trace(),
     };
     impid_core_init(&core, &config, &port);
     sampling_start(&core); /* the time first: receive interrupts stamp with it */

@@ -143,6 +143,10 @@ class ElfBoard:
         return TICK_US * (self._rows + 1)
 
     @property
+    def streaming(self) -> None:
+        """The chip does not show it."""
+
+    @property
     def self_test_pin(self) -> bool:
         """The accelerometer's self-test input is driven."""
         return self.soc.gpio[SELF_TEST[0]].level(SELF_TEST[1])

@@ -23,7 +23,7 @@ from impid_host.link.simulator import Simulator
 from impid_host.recording import channels
 from impid_host.recording.display import progress_display
 from impid_host.recording.reader import read_recording
-from impid_host.recording.recorder import Outcome, Progress, Recorder
+from impid_host.recording.recorder import SILENCE_S, Outcome, Progress, Recorder
 from impid_host.recording.writer import RecordingWriter
 from impid_host.view.live_view import LiveView
 
@@ -179,6 +179,8 @@ def _record(order: _Order, stopped: Callable[[], bool]) -> Outcome:
                 nominal_rate=order.speed,
                 open_link=order.address.open,
                 patience_s=order.patience_s if order.address.comes_back else 0.0,
+                # What cannot be opened again is held on to.
+                silence_s=SILENCE_S if order.address.comes_back else max(SILENCE_S, order.patience_s),
                 onlooker=view,
             )
             recorder.identify()

@@ -26,7 +26,7 @@ class Address:
     @property
     def comes_back(self) -> bool:
         """Whether what goes by this name later is the same port: a terminal's number is given to the next."""
-        return not (self.port or "").startswith("/dev/pts/")
+        return "/dev/pts/" not in (self.port or self.can or "")
 
     def open(self) -> Link:
         """Open it.

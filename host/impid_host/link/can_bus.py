@@ -5,6 +5,7 @@ that the group's stamp is the answer's.
 """
 
 import contextlib
+import socket
 import time
 from collections.abc import Callable
 from typing import Any, Self
@@ -23,6 +24,8 @@ _ANSWERS = frozenset({PONG.frame_id, RESPONSE.frame_id})
 _GROUP_S = 0.005
 _GROUP_FRAMES = 64
 _SEND_S = 0.2
+_SOCKET_BYTES = 4 << 20
+_SO_RCVBUFFORCE = 33  # Linux; Python does not name it
 # A garbled line of an adapter is one frame lost; as many in a row mean that the adapter is gone.
 _FAILURES = 10
 # A USB adapter is ready at once; python-can waits two seconds for boards that restart when opened.
@@ -64,6 +67,7 @@ class CanLink:
                 f"{address}: cannot be opened as a CAN bus ({_first_line(error)}); name INTERFACE:CHANNEL as "
                 "python-can does, for instance socketcan:can0 or slcan:/dev/ttyACM0"
             ) from error
+        _give_room(bus)
         if interface == "slcan":
             bus.serialPortOrig = _InPieces(bus.serialPortOrig)  # type: ignore[attr-defined]
         return cls(bus, address)
@@ -133,6 +137,17 @@ class CanLink:
                 group = []
         if group:
             inbox.put(Chunk.now(b"".join(group)))
+
+
+def _give_room(bus: can.BusABC) -> None:
+    """The system's usual buffer holds 130 ms of a board's frames; a busy machine needs more."""
+    own = getattr(bus, "socket", None) or getattr(getattr(bus, "_multicast", None), "_socket", None)
+    if not isinstance(own, socket.socket):
+        return
+    for option in (_SO_RCVBUFFORCE, socket.SO_RCVBUF):  # the first is for those who may exceed the limit
+        with contextlib.suppress(OSError):
+            own.setsockopt(socket.SOL_SOCKET, option, _SOCKET_BYTES)
+            return
 
 
 def parse_address(address: str) -> tuple[str, str | None, dict[str, Any]]:

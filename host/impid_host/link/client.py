@@ -25,9 +25,9 @@ SELF_TEST_TIMEOUT_S = 5.0
 RESTART_TIMEOUT_S = 10.0
 _PINGS_REMEMBERED = 64
 HOLD_SATURATED_US = 0xFFFF  # the board held the answer longer than it can say: t3 is unknown
-# INFO has items 0 to 31, settings stand at 32 to 63, the fault record from 64 on.
+# INFO has items 0 to 31, settings stand at 32 to 63, what outlives a reset from 64 on.
 SETTINGS = tuple(name for name, number in ITEM.items() if 32 <= number < 64)
-FAULT_RECORD = tuple(name for name, number in ITEM.items() if number >= 64)
+FAULT_RECORD = tuple(name for name, number in ITEM.items() if number >= 64 and name.startswith("FAULT_"))
 _SELF_TEST_RUNNING = choices("STATUS_HEALTH", "self_test")["RUNNING"]
 
 
@@ -79,6 +79,14 @@ class Identity:
     uid: tuple[int, int, int]
     boot_id: int
     reset_cause: int
+
+
+@dataclass(frozen=True, slots=True)
+class LastStream:
+    """The boot before the one that tells, and the samples that it made since its last START."""
+
+    boot_id: int
+    produced: int
 
 
 class BoardClient:
@@ -218,6 +226,17 @@ class BoardClient:
             LinkError: no answer.
         """
         return self._read_all("LOG", FAULT_RECORD)
+
+    def last_stream(self) -> LastStream | None:
+        """What the boot before this one had sampled; None after a loss of power, or where no board tells.
+
+        Raises:
+            LinkError: no answer.
+        """
+        found = self._read_all("LOG", ("LAST_BOOT_ID", "LAST_PRODUCED"))
+        if not found.get("last_boot_id"):
+            return None
+        return LastStream(found["last_boot_id"], found["last_produced"])
 
     def _read_all(self, opcode: str, names: tuple[str, ...]) -> dict[str, int]:
         found = {}

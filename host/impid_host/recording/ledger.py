@@ -1,12 +1,35 @@
 """The books of a recording: what the board produced against what is stored and what is counted as lost."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from math import floor
 
-from impid_host.wire.messages import OPCODE, RESULT
+from impid_host.clock.device import ClockExchange
+from impid_host.wire.messages import OPCODE, RESULT, SAMPLE_PERIOD_US
 from impid_host.wire.records import BoardStatus, Loss, NewRun, Response, Segment
 
 _MASK32 = 0xFFFFFFFF
+# Two crystals of a cheap board and a PC, in the worst case.
+_WORST_DRIFT = 500e-6
+_FILTER_TICKS = 2  # a sample is complete two ticks after its instant
+
+
+@dataclass(frozen=True, slots=True)
+class EndedBoot:
+    """A boot that a reset ended.
+
+    Attributes:
+        boot_id: which.
+        produced: samples since its last START, as the board still knew after the reset; None: it did not.
+        exchanges, next_exchanges: clock exchanges of this boot and of the one that followed.
+        nominal_rate: board seconds in a host second.
+    """
+
+    boot_id: int
+    produced: int | None
+    exchanges: tuple[ClockExchange, ...]
+    next_exchanges: tuple[ClockExchange, ...]
+    nominal_rate: float = 1.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -14,12 +37,14 @@ class RunLedger:
     """One run of one boot.
 
     Attributes:
-        boot_id, run: which.
+        boot_id, run: which; run is -1 where no sample of it came.
         stored: samples in the recording.
         lost_before: missing between START and the first stored sample; None where START was not recorded.
         lost_inside: missing between stored samples, counted by the index.
         lost_after: missing behind the last stored sample, as the board told; None where it told nothing.
-        produced: the board's own count since START, taken last; None where no status followed.
+        produced: the board's own count since START, taken last; None where none followed.
+        uncounted: where a loss of power took the board's count: how many samples at most it had made behind
+            the last stored one; None where that cannot be said either, 0 where everything is counted.
     """
 
     boot_id: int
@@ -29,6 +54,7 @@ class RunLedger:
     lost_inside: int
     lost_after: int | None
     produced: int | None
+    uncounted: int | None = 0
 
     @property
     def lost(self) -> int:
@@ -42,7 +68,8 @@ class RunLedger:
 
     def __str__(self) -> str:
         if self.produced is None:
-            return f"{self.stored} samples stored, {self.lost} lost; the board's own count is not known"
+            rest = "" if self.uncounted is None else f", and at most {self.uncounted} more"
+            return f"{self.stored} samples stored, {self.lost} lost{rest}; the board's own count is not known"
         sign = "=" if self.balanced else "IS NOT"
         return f"{self.produced} samples produced by the board {sign} {self.stored} stored + {self.lost} lost"
 
@@ -52,8 +79,9 @@ def balance(
     events: Iterable[Loss | NewRun],
     statuses: Iterable[BoardStatus],
     responses: Iterable[Response],
+    ended: Sequence[EndedBoot] = (),
 ) -> tuple[RunLedger, ...]:
-    """The ledger of every run, from what the wire brought."""
+    """The ledger of every run, from what the wire brought and what is known of the boots that ended."""
     segments, events = list(segments), list(events)
     losses = [event for event in events if isinstance(event, Loss)]
     named = {event.run: event.start_index for event in events if isinstance(event, NewRun)}
@@ -76,6 +104,11 @@ def balance(
             and last_us <= count.t_us < until_us
             and (count.next_index - last_index - 1) & _MASK32 < 1 << 31  # made before the last samples left
         ]
+        end = None if later else next((boot for boot in ended if boot.boot_id == segment.boot_id), None)
+        if end is not None and end.produced is not None and start is not None:
+            told = [_Told(segment.boot_id, last_us, (start + end.produced) & _MASK32, end.produced)]
+        elif end is not None:
+            told = []  # what it said while it lived is not the whole
         last = told[-1] if told else None
         ledgers.append(
             RunLedger(
@@ -86,9 +119,30 @@ def balance(
                 lost_inside=sum(loss.lost for loss in losses if loss.run == segment.run),
                 lost_after=None if last is None else _ahead(last.next_index, last_index + 1),
                 produced=None if last is None else last.produced,
+                uncounted=0 if last is not None else _at_most(end, last_us),
             )
         )
+    heard = {segment.boot_id for segment in segments}
+    silent = [boot for boot in ended if boot.boot_id not in heard and boot.produced]
+    ledgers += [RunLedger(boot.boot_id, -1, 0, 0, 0, boot.produced, boot.produced) for boot in silent]
     return tuple(ledgers)
+
+
+def _at_most(end: EndedBoot | None, last_us: int) -> int | None:
+    """How many samples a boot can have made behind its last stored one, by the clock.
+
+    The board's answer to a ping was between the host's two stamps, so the last sample was not before the
+    first of them says, and the zero of the next boot, when this one was over, not after the second says.
+    """
+    if end is None or not end.exchanges or not end.next_exchanges:
+        return None
+    ns = 1000 / end.nominal_rate  # of the host in a microsecond of the board
+    since_us = [last_us - e.t2_us for e in end.exchanges]
+    last_ns = max(
+        e.t1_ns + ns * (us - _WORST_DRIFT * abs(us)) for e, us in zip(end.exchanges, since_us, strict=True)
+    )
+    over_ns = min(e.t4_ns - ns * e.t3_us * (1 - _WORST_DRIFT) for e in end.next_exchanges)
+    return max(0, floor((over_ns - last_ns) / (ns * SAMPLE_PERIOD_US)) - _FILTER_TICKS)
 
 
 @dataclass(frozen=True, slots=True)

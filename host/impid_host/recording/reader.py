@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from impid_host.clock.device import ClockExchange
 from impid_host.recording import channels
-from impid_host.recording.ledger import RunLedger, balance
+from impid_host.recording.ledger import EndedBoot, RunLedger, balance
 from impid_host.recording.records import read_records
 from impid_host.wire.can_frames import unpack_frames
 from impid_host.wire.carrier import CAN, SERIAL, Carrier
@@ -71,7 +71,7 @@ class Recording:
     @property
     def nominal_rate(self) -> float:
         """Board seconds in a host second: 1, or the speed of a simulated board."""
-        return float(self.metadata.get(channels.METADATA_HOST, {}).get("speed", "1"))
+        return _nominal_rate(self.metadata)
 
 
 def read_recording(path: Path) -> Recording:
@@ -170,6 +170,24 @@ class _Contents:
             exchanges=self.exchanges,
             events=tuple(self.events),
             counts=decoder.counts,
-            ledgers=balance(segments, events, statuses, responses),
+            ledgers=balance(segments, events, statuses, responses, self._ended_boots()),
             warnings=tuple(self.warnings),
         )
+
+    def _ended_boots(self) -> list[EndedBoot]:
+        """What is known of the boots that a reset ended, from the notes of the recorder."""
+        return [
+            EndedBoot(
+                boot_id=int(event.detail["before"]),
+                produced=event.detail.get("produced"),
+                exchanges=tuple(self.exchanges.get(int(event.detail["before"]), ())),
+                next_exchanges=tuple(self.exchanges.get(int(event.detail["boot_id"]), ())),
+                nominal_rate=_nominal_rate(self.metadata),
+            )
+            for event in self.events
+            if event.name == "boot"
+        ]
+
+
+def _nominal_rate(metadata: dict[str, dict[str, str]]) -> float:
+    return float(metadata.get(channels.METADATA_HOST, {}).get("speed", "1"))

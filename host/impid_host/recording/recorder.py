@@ -25,7 +25,9 @@ _PUMP_S = 0.02
 _REPORT_S = 0.2
 _DRAIN_S = 0.5
 # STATUS frames come at 10 Hz even from an idle board: a silence this long means that the link is dead.
-_SILENCE_S = 1.0
+SILENCE_S = 1.0
+# Time in which this program itself did not run is no silence: what came meanwhile may wait to be read.
+_LISTENED_AT_MOST_S = 2 * _PUMP_S
 _RETRY_S = 0.1
 
 Ending = Literal["complete", "interrupted", "disconnected", "disk-full"]
@@ -77,6 +79,7 @@ class Recorder:
         open_link: opens the client's link again; None: a broken link is the end.
         patience_s: how long a board that is gone is waited for.
         onlooker: sees what is stored.
+        silence_s: a link that brings nothing for so long is taken for dead.
     """
 
     def __init__(
@@ -88,6 +91,7 @@ class Recorder:
         open_link: Callable[[], Link] | None = None,
         patience_s: float = 0.0,
         onlooker: Onlooker | None = None,
+        silence_s: float = SILENCE_S,
     ) -> None:
         self._client = client
         self._writer = writer
@@ -95,6 +99,7 @@ class Recorder:
         self._open_link = open_link
         self._patience_s = patience_s if open_link is not None else 0.0
         self._onlooker = onlooker
+        self._silence_s = silence_s / min(1.0, nominal_rate)
         self._board = BoardWatch()
         self._wall = WallClockWatch()
         self._clock = OnlineClock(nominal_rate)
@@ -102,7 +107,7 @@ class Recorder:
         self._exchanges: list[ClockExchange] = []
         self._unplaced: list[tuple[ClockExchange, int]] = []  # of a boot that no sample has confirmed yet
         self._span_us: dict[int, tuple[int, int]] = {}  # run -> first and last sample
-        self._heard_s = time.monotonic()
+        self._quiet_s = 0.0
         self._next_index = 0
         self._connected = True
         client.listener = self
@@ -149,7 +154,7 @@ class Recorder:
 
     def received(self, chunk: Chunk, decoded: Decoded) -> None:
         """Store a chunk and what it completed."""
-        self._heard_s = time.monotonic()
+        self._quiet_s = 0.0
         self._writer.received(chunk)
         jump_s = self._wall.jump_s(chunk)
         if jump_s is not None:
@@ -193,7 +198,7 @@ class Recorder:
         self, duration_s: float, stopped: Callable[[], bool], report: Callable[[Progress], None]
     ) -> bool:
         """True once there is enough; False when stopped before."""
-        ping_s = report_s = self._heard_s = time.monotonic()
+        ping_s = report_s = time.monotonic()
         while self._elapsed_s() < duration_s:
             if stopped():
                 return False
@@ -205,20 +210,22 @@ class Recorder:
                 if now >= ping_s:
                     self._client.ping()
                     ping_s = max(ping_s + 1 / EXCHANGE_RATE_HZ, now)
-                self._client.pump(_PUMP_S)
+                self._listen()
                 if self._board.must_be_started:
                     self._start_again()
-                self._check_silence()
             except LinkError as error:
                 if not self._reconnect(error, stopped, report):
                     return False
             self._writer.flush_when_due()
         return True
 
-    def _check_silence(self) -> None:
-        if time.monotonic() - self._heard_s > _SILENCE_S / min(1.0, self._nominal_rate):
+    def _listen(self) -> None:
+        began = time.monotonic()
+        if not self._client.pump(_PUMP_S):
+            self._quiet_s += min(time.monotonic() - began, _LISTENED_AT_MOST_S)
+        if self._quiet_s > self._silence_s:
             raise LinkError(
-                f"{self._client.name}: nothing heard from the board for {_SILENCE_S:.0f} s; "
+                f"{self._client.name}: nothing heard from the board for {self._silence_s:.0f} s; "
                 "check cable and power"
             )
 
@@ -234,7 +241,11 @@ class Recorder:
         if before is not None and now.uid != before.uid:
             raise LinkError(f"{self._client.name}: another board answers; connect the one that was recorded")
         if before is not None and now.boot_id != before.boot_id:
-            self.note("boot", before=before.boot_id, boot_id=now.boot_id, reset_cause=now.reset_cause)
+            last = self._client.last_stream()
+            counted = {"produced": last.produced} if last and last.boot_id == before.boot_id else {}
+            self.note(
+                "boot", before=before.boot_id, boot_id=now.boot_id, reset_cause=now.reset_cause, **counted
+            )
         self._board.identity = now
         self._start()
 
@@ -263,8 +274,8 @@ class Recorder:
             except LinkError:
                 time.sleep(_RETRY_S)
                 continue
-            self._connected, self._heard_s = True, time.monotonic()
-            self.note("reconnected", boot_id=now.boot_id, after_s=round(self._heard_s - began, 3))
+            self._connected, self._quiet_s = True, 0.0
+            self.note("reconnected", boot_id=now.boot_id, after_s=round(time.monotonic() - began, 3))
             return True
         raise error
 

@@ -52,6 +52,7 @@ class _Board:
                 self._exchange()
                 self._reset_asked.clear()
                 self._config = replace(self._config, boot_id=self._config.boot_id + 1, reset_cause=2)
+                self.produced_before = self.ticks
                 self._board, self.ticks = NativeBoard(self._config), 0
                 self._start_s, self._start_us = time.monotonic(), self._board.now_us
             self._catch_up()

@@ -74,7 +74,7 @@ def test_a_reset_on_the_bus(out: Path, bus_name: str) -> None:
     # No exchange of the new boot is booked on the old one, though the answer itself does not say which it is.
     for boot_id, exchanges in recording.exchanges.items():
         ahead = [each.t2_us - each.t1_ns / 1000 for each in exchanges]
-        assert np.ptp(ahead) < 50_000, boot_id
+        assert np.ptp(ahead) < 500_000, boot_id
 
 
 def test_the_bus_is_cut_for_a_while(out: Path, bus_name: str) -> None:

@@ -89,11 +89,16 @@ def test_a_reset_in_mid_stream_opens_a_run_of_its_own(plugged: PtyBoard, out: Pa
     outcome, recording = Session(Address(port=plugged.port), out).at(1.0, plugged.reset).run(3.0)
     assert outcome.ending == "complete"
     assert [segment.boot_id for segment in recording.segments] == [77, 78]
-    assert names(recording) == ["start", "run", "boot", "start", "run", "stop"]
+    # The answer to START and the first samples may come in one piece.
+    assert [name for name in names(recording) if name != "run"] == ["start", "boot", "start", "stop"]
     boot = next(event for event in recording.events if event.name == "boot")
     assert (boot.detail["before"], boot.detail["boot_id"], boot.detail["reset_cause"]) == (77, 78, 2)
     one_boot_is_one_clock(recording)
-    assert recording.ledgers[1].balanced
+    assert [ledger.balanced for ledger in recording.ledgers] == [True, True]
+    # A sample is complete two ticks after its instant; the board had told nobody of its last ones.
+    assert (
+        recording.ledgers[0].produced == plugged.produced_before - 2 - recording.segments[0].samples.enc1[0]
+    )
     assert recording.ledgers[1].lost_before == 0
     # Its clock begins at its boot: the first sample of the new run says how long the gap was.
     assert int(recording.segments[1].samples.t_us[0]) < 1_000_000

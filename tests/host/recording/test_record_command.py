@@ -59,13 +59,13 @@ def test_a_recording_holds_every_sample_the_board_produced(board, out: Path) -> 
 
 def test_the_duration_is_board_time(fast_board, out: Path) -> None:
     began = time.monotonic()
-    done = start("--port", fast_board.port, "--duration", "20", "--out", out)
+    done = start("--port", fast_board.port, "--duration", "60", "--out", out)
     _, complained = done.communicate(timeout=60)
     assert done.returncode == 0, complained
-    assert time.monotonic() - began < 10
+    assert time.monotonic() - began < 45  # 6 s, and what a busy machine adds
     (ledger,) = read_recording(out).ledgers
     assert ledger.balanced
-    assert ledger.stored + ledger.lost >= 20_000
+    assert ledger.stored + ledger.lost >= 60_000
 
 
 def test_what_the_line_loses_is_counted_exactly(board, out: Path) -> None:
