@@ -56,7 +56,7 @@ def command(study: Path, json_to: str | None, figures: Path | None, save_model: 
     if save_model is not None:
         write_model(answer, read, save_model)
     if json_to is not None:
-        text = json.dumps(diagnosis_json(answer), indent=2)
+        text = json.dumps(diagnosis_json(answer), indent=2, allow_nan=False)
         if json_to == "-":
             click.echo(text)
         else:

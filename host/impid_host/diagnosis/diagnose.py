@@ -1,6 +1,6 @@
 """A study's diagnosis, from raw signals to stages: prepare, choose, prove, say what is left."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -21,13 +21,13 @@ from impid_host.diagnosis.final_look import carried
 from impid_host.diagnosis.findings import findings_of
 from impid_host.diagnosis.floor import PER_COLUMN, noise_floor
 from impid_host.diagnosis.holdout import Holdout, hold_out
-from impid_host.diagnosis.leftover import unmasked
+from impid_host.diagnosis.leftover import BETTER, explained, unmasked
 from impid_host.diagnosis.lines import spectral_lines
 from impid_host.diagnosis.oddities import Oddity
 from impid_host.diagnosis.prepare import setting_of, views
 from impid_host.diagnosis.proof import corrected
 from impid_host.diagnosis.refit import Refit, refit
-from impid_host.diagnosis.result import Chosen, Diagnosis, Stage, Structure
+from impid_host.diagnosis.result import Chosen, Diagnosis, Structure
 from impid_host.diagnosis.rows import Run, Slot, Taps, build_runs, slots_of
 from impid_host.diagnosis.shapes import structures
 from impid_host.diagnosis.smooth import smooth_candidates
@@ -36,6 +36,7 @@ from impid_host.diagnosis.ties import ties
 from impid_host.diagnosis.wander import wandering
 from impid_host.diagnosis.whiten import noise_models, whitened
 from impid_host.effects.catalogue import candidates
+from impid_host.effects.effect import no_gate
 from impid_host.effects.view import View
 from impid_host.errors import UndeterminedError
 from impid_host.robot.model import robot_model
@@ -102,18 +103,21 @@ def diagnose(study: Study, progress: Progress = _silent) -> Diagnosis:
     left = structures(table, active, curves, case.views)
     left += spectral_lines(table, [*active, *curves], case.taps)
     left += wandering(table, [*active, *curves], case.taps)
-    floor = floor_of(case, fit, stages[-1])
     first, last = stages[0].rms, stages[-1].rms
-    before = sum((first[key] / floor[key]) ** 2 for key in first)
-    after = sum(max((last[key] / floor[key]) ** 2 - 1, 0.0) for key in first)
     if left:
         shown = [row.on for row in left]
         share = min(1.0, sum(row.share for row in left))
-        parts = curve_parts(table, active, curves)
-        stages = (
-            *stages,
-            unattributed_stage(bench, fit, parts, shown, share, least_sure(table, active, curves)),
-        )
+        parts = [
+            part
+            for part in curve_parts(table, active, curves)
+            if part.candidate.where[-1] not in ("time", "one_trial")  # nothing of them is in other data
+        ]
+        unsure = least_sure(table, active, curves)
+        unknown, fit = unattributed_stage(bench, fit, parts, shown, share, unsure)
+        stages = (*stages, unknown)
+    floor = floor_of(case, fit, last, [row.peak for row in left if row.variable == "frequency"])
+    before = sum((first[key] / floor[key]) ** 2 for key in first)
+    after = sum(max((last[key] / floor[key]) ** 2 - 1, 0.0) for key in first)
     left += [odd_structure(oddity) for oddity in case.oddities]
     if are_pushes(pushed, sum(float(view.t[-1]) for view in case.views)):
         left += [odd_structure(Oddity(burst.trial, "tau1", 0.0, burst.words)) for burst in pushed]
@@ -211,7 +215,8 @@ def confirmed(case: Case, active: Sequence[int], curves: Sequence[int]) -> tuple
     again = evaluated(informed(cleaned, case.base, case.holdout), case.base, case.holdout)
     with_it = again.table
     for part in fitted.chosen:
-        with_it = with_it.with_shapes(part.candidate, [part.shape])
+        # What is left to the effect once it is taken out is a small correction, of either sign.
+        with_it = with_it.with_shapes(replace(part.candidate, gate=no_gate), [part.shape])
     given = range(len(again.table.slots), len(with_it.slots))
     again, fresh, bent = chosen_twice(replace(again, table=with_it), list(given))
     picked = [again.table.slots[s] for s in (*fresh, *bent)]
@@ -223,7 +228,14 @@ def confirmed(case: Case, active: Sequence[int], curves: Sequence[int]) -> tuple
 
 
 def upheld(case: Case, active: Sequence[int], curves: Sequence[int]) -> list[int]:
-    """The effects that lower the error on held-out data, the curves taken into account."""
+    """The effects that lower the error on held-out data.
+
+    The curves are taken into account where they explain clearly more; where they add little to what the
+    names explain, they stand beside the names, not in their place.
+    """
+    by_names = explained(case.table, active)
+    if by_names > (1.0 - BETTER) * explained(case.table, [*active, *curves]):
+        curves = []
     slots = [case.table.slots[s] for s in (*curves, *active)]
     runs, _, fresh = own_runs(case, slots)
     sizes = [slot.candidate.size for slot in fresh[len(curves) :]]
@@ -258,12 +270,12 @@ def second_opinion(case: Case, picked: Sequence[Slot]) -> tuple[Table, Taps]:
     return table, taps
 
 
-def floor_of(case: Case, fit: Refit, last: Stage) -> dict[str, float]:
-    """What noise alone leaves in each held-out channel."""
+def floor_of(case: Case, fit: Refit, rms: Mapping[str, float], lines_Hz: Sequence[float]) -> dict[str, float]:
+    """What noise alone leaves in each held-out channel; the model's own error where that cannot be told."""
     seconds = sum(float(np.sum(view.valid)) * view.dt for view in case.views)
     columns = saturated(case.base, case.slots, round(5 * 2 * PUBLISHED_CUTOFF_HZ * seconds / PER_COLUMN))
-    found = noise_floor(fit, case.base, case.holdout, case.runs, columns)
-    return {key: found.get(key, rms) for key, rms in last.rms.items()}
+    found = noise_floor(fit, case.base, case.holdout, case.runs, columns, lines_Hz)
+    return {key: found.get(key, value) for key, value in rms.items()}
 
 
 def prepare(study: Study, progress: Progress = _silent, pushed: Sequence[Burst] = ()) -> Case:

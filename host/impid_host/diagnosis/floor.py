@@ -35,15 +35,21 @@ class _Noise:
 
 
 def noise_floor(
-    fit: Refit, base: Base, holdout: Holdout, runs: Sequence[Run], columns: Sequence[int]
+    fit: Refit,
+    base: Base,
+    holdout: Holdout,
+    runs: Sequence[Run],
+    columns: Sequence[int],
+    lines_Hz: Sequence[float] = (),
 ) -> dict[str, float]:
     """rms by channel, keyed as `validation_rms`.
 
     Args:
         fit: effects that are taken out first; what they miss, the columns take.
         runs: raw rows of the saturated regression; columns: which of their columns.
+        lines_Hz: of what hums, which has no column there.
     """
-    noise = _noise(fit, base, holdout, runs, columns)
+    noise = _noise(fit, base, holdout, runs, columns, lines_Hz)
     free = any(view.load is None for view in fit.views)
     squares: dict[str, list[Floats]] = {}
     for part in noise:
@@ -53,17 +59,24 @@ def noise_floor(
 
 
 def _noise(
-    fit: Refit, base: Base, holdout: Holdout, runs: Sequence[Run], columns: Sequence[int]
+    fit: Refit,
+    base: Base,
+    holdout: Holdout,
+    runs: Sequence[Run],
+    columns: Sequence[int],
+    lines_Hz: Sequence[float],
 ) -> list[_Noise]:
     plain = [run for view in fit.views for run in build_runs(corrected(view, fit.chosen), base, [], holdout)]
     extra = {_name(run): run for run in runs}
     by_key: dict[tuple[str, int], list[tuple[Run, Floats, Floats]]] = {}
     keep = [k for k in columns if k >= base.size]
+    trials = sorted({run.trial for run in plain})
     for run in plain:
         other = extra.get(_name(run))
         if run.family == ANGLE or other is None or len(other.target) != len(run.target):
             continue
-        narrow = _narrow(np.column_stack([run.target, run.design, other.design[:, keep]]), run.step_s)
+        hum = _hum(run, trials, lines_Hz)
+        narrow = _narrow(np.column_stack([run.target, run.design, other.design[:, keep], hum]), run.step_s)
         if narrow is not None:
             by_key.setdefault(run.key, []).append((run, narrow[0], run.begin_s + narrow[1]))
     left: dict[str, dict[tuple[str, int], list[Floats]]] = {}
@@ -92,6 +105,18 @@ def _of_trial(view: View, channels: Mapping[tuple[str, int], Sequence[Floats]]) 
         for family in families
     }
     return _Noise(view, place, by_family)
+
+
+def _hum(run: Run, trials: Sequence[str], lines_Hz: Sequence[float]) -> Floats:
+    """Lines in either part of each trial by themselves, growing or waning: columns, (N, k)."""
+    t = run.begin_s + run.step_s * np.arange(len(run.target))
+    block = np.zeros((len(t), 2 * len(trials), 4 * len(lines_Hz)))
+    for k, frequency in enumerate(lines_Hz):
+        c, s = np.cos(2 * np.pi * frequency * t), np.sin(2 * np.pi * frequency * t)
+        u = (t - t.mean()) / max(float(np.ptp(t)), 1e-9)
+        place = 2 * trials.index(run.trial) + (run.part == "fit")
+        block[:, place, 4 * k : 4 * k + 4] = np.stack([c, s, u * c, u * s], axis=1)
+    return block.reshape(len(t), -1)
 
 
 def _name(run: Run) -> tuple[str, str, int, str, float]:

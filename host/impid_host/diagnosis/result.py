@@ -97,6 +97,11 @@ class Structure:
     band: Floats
     words: str
 
+    @property
+    def peak(self) -> float:
+        """The variable's value where the curve is highest."""
+        return float(self.curve[np.argmax(self.curve[:, 1]), 0])
+
 
 @dataclass(frozen=True, slots=True)
 class Tie:

@@ -6,6 +6,7 @@ from typing import Any
 from impid_host.diagnosis.result import Diagnosis, Finding, Number, Stage
 
 Json = dict[str, Any]
+LEAST_P = 1e-300  # below it a test underflows to zero, which no p-value is
 
 
 def diagnosis_json(diagnosis: Diagnosis) -> Json:
@@ -69,7 +70,7 @@ def _added(finding: Finding) -> Json:
         "parameters": _numbers(finding.parameters),
         "evidence": {
             "share_of_residual": finding.share_of_residual,
-            "p_value": finding.p_value,
+            "p_value": max(finding.p_value, LEAST_P),
             "runner_up": None
             if rival is None
             else {"effect": rival.effect, "where": place_of(rival.where), "margin": rival.margin},

@@ -8,12 +8,14 @@ import pytest
 from click.testing import CliRunner
 from impid_host.cli import cli
 from impid_host.diagnosis.diagnose import diagnose
-from impid_host.diagnosis.result import Diagnosis
+from impid_host.diagnosis.result import UNATTRIBUTED, Diagnosis
 from impid_host.study.folder import write_study
 
 
 def labels(answer: Diagnosis) -> list[str]:
-    return [f"{s.added.effect}@{'+'.join(s.added.where)}" for s in answer.stages if s.added is not None]
+    """Names that were given to causes."""
+    found = [s.added for s in answer.stages if s.added is not None and s.added.effect != UNATTRIBUTED]
+    return [f"{added.effect}@{'+'.join(added.where)}" for added in found]
 
 
 def value(answer: Diagnosis, stage: int, name: str) -> np.ndarray:
@@ -89,8 +91,15 @@ def test_a_bump_of_torque_gets_no_name_but_a_shape(make) -> None:
     assert answer.above_noise_floor
     shape = next(row for row in answer.structure if row.variable == "theta1")
     assert shape.on == "tau1"
-    peak = shape.curve[np.argmax(shape.curve[:, 1]), 0]
-    assert peak == pytest.approx(0.8, abs=0.03)
+    assert shape.peak == pytest.approx(0.8, abs=0.03)
+    # The last stage has the curve in it, and is judged on data that took no part.
+    last = answer.stages[-1]
+    assert last.added is not None
+    assert (last.added.effect, last.added.where) == (UNATTRIBUTED, ("joint1",))
+    assert last.rms["tau1"] < 0.5 * answer.stages[0].rms["tau1"]
+    # White noise of 5 mN m at 1 kHz leaves 5 sqrt(4.5 / 500) = 0.47 mN m, to which the accelerometer's adds
+    # 30 mm/s^2 sqrt(4.5 / 500) / 0.25 m at 0.07 kg m^2: 0.80 mN m, more where the arm is stretched.
+    assert answer.floor["tau1"] == pytest.approx(np.hypot(0.47e-3, 0.80e-3), rel=0.25)
 
 
 def test_a_hum_is_reported_at_its_frequency(make) -> None:
