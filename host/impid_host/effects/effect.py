@@ -57,7 +57,8 @@ class Setting:
     duration_s: float
 
 
-def _always(_beta: Floats, _shape: float) -> bool:
+def no_gate(_beta: Floats, _shape: float) -> bool:
+    """The gate of an effect that any parameters suit."""
     return True
 
 
@@ -85,7 +86,7 @@ class Candidate:
     read: Read
     size: int = 1
     shapes: tuple[float, ...] = (0.0,)
-    gate: Gate = _always
+    gate: Gate = no_gate
     variant: str = ""
     units: Mapping[str, str] = field(default_factory=dict)
     undo: Callable[[View, Floats], View] | None = None

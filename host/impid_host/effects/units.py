@@ -21,7 +21,7 @@ def own_units(effect: Effect, candidate: Candidate, setting: Setting) -> dict[st
     result = {}
     for row in effect.parameters:
         unit = row.unit
-        if slides:
+        if slides and row.name != "phase_rad":
             unit = unit.replace("kg*m^2", "kg").replace("N*m", "N").replace("rad", "m")
         elif effect.acts_on == "load" and setting.rotary_load:
             unit = _ROTARY_LOAD.get(unit, unit)
