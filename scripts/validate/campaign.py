@@ -70,6 +70,18 @@ def run(study: Path, path: SignalPath, loads: Sequence[str] | None = None, worke
     return Result(path, robot, robots, rows)
 
 
+def cells(rows: Sequence[Row], method: str, keys: Sequence[str]) -> dict[str, tuple[float, float]]:
+    """Mean and standard deviation of each key over the rows of a method."""
+    own = [row for row in rows if row.method == method]
+    return {
+        key: (
+            float(np.mean([r.values[key] for r in own])),
+            float(np.std([r.values[key] for r in own], ddof=1)),
+        )
+        for key in keys
+    }
+
+
 def coarse(trial: Trial, setup: Setup, factor: int) -> tuple[Trial, Setup]:
     """The same trial read by encoders with `factor` times fewer counts, in module and robot log."""
     if factor == 1 or setup.encoder is None or trial.device is None:
