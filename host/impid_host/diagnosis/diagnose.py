@@ -16,6 +16,7 @@ from impid_host.diagnosis.choice import (
     supported,
     table_of,
 )
+from impid_host.diagnosis.dynamic import RESPONSE
 from impid_host.diagnosis.evidence import base_directions, solve
 from impid_host.diagnosis.final_look import carried
 from impid_host.diagnosis.findings import findings_of
@@ -107,11 +108,7 @@ def diagnose(study: Study, progress: Progress = _silent) -> Diagnosis:
     if left:
         shown = [row.on for row in left]
         share = min(1.0, sum(row.share for row in left))
-        parts = [
-            part
-            for part in curve_parts(table, active, curves)
-            if part.candidate.where[-1] not in ("time", "one_trial")  # nothing of them is in other data
-        ]
+        parts = [part for part in curve_parts(table, active, curves) if carries(part)]
         unsure = least_sure(table, active, curves)
         unknown, fit = unattributed_stage(bench, fit, parts, shown, share, unsure)
         stages = (*stages, unknown)
@@ -139,6 +136,12 @@ def diagnose(study: Study, progress: Progress = _silent) -> Diagnosis:
         ambiguous=tuple(ties(table, active)),
         notes=tuple(notes),
     )
+
+
+def carries(part: Chosen) -> bool:
+    """Whether a curve can be taken out: it says something of other data, and is not what alpha is there for."""
+    other = part.candidate.where[-1] not in ("time", "one_trial")
+    return other and not part.candidate.variant.startswith(RESPONSE)
 
 
 def curve_parts(table: Table, active: Sequence[int], curves: Sequence[int]) -> list[Chosen]:

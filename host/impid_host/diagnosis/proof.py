@@ -35,7 +35,7 @@ def corrected(view: View, chosen: Sequence[Chosen]) -> View:
     """The trial as it would have been measured without the chosen effects."""
     for part in chosen:
         if part.candidate.undo is not None:
-            view = part.candidate.undo(view, part.beta)
+            view = _undone(view, part)
     for part in chosen:
         if part.candidate.undo is not None:
             continue
@@ -47,6 +47,15 @@ def corrected(view: View, chosen: Sequence[Chosen]) -> View:
         if "force" in columns and view.force is not None:
             view = replace(view, force=view.force + columns["force"] @ part.beta)
     return view
+
+
+def _undone(view: View, part: Chosen) -> View:
+    assert part.candidate.undo is not None
+    result = part.candidate.undo(view, part.beta)
+    if result.theta_robot is None or result.theta is view.theta:
+        return result
+    # The controller reads the same encoders.
+    return replace(result, theta_robot=result.theta_robot + result.theta - view.theta)
 
 
 def aligned(view: View) -> AlignedTrial:
