@@ -74,8 +74,13 @@ def needs_unseen(slope: Floats, unseen: Floats) -> bool:
 
 def _label(names: Sequence[str], column: int, X: Floats, strength: Floats, rest: np.ndarray) -> str:
     terms = [
-        f"{'+' if factor > 0 else '-'} {abs(factor):.4g}*{names[other]}"
+        f"{'+' if factor > 0 else '-'} {_times(abs(factor))}{names[other]}"
         for factor, part, other in zip(X, strength, rest, strict=True)
         if part > _NEGLIGIBLE
     ]
     return " ".join([names[column], *terms])
+
+
+def _times(factor: float) -> str:
+    shown = f"{factor:.4g}"
+    return "" if shown == "1" else f"{shown}*"

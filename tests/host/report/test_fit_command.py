@@ -142,3 +142,30 @@ def test_emps_reproduces_the_authors_parameters(measured_data: Path, tmp_path: P
     assert robot["relative_error_percent"] == pytest.approx(4.0834, abs=0.1)
     assert robot["acceleration"] == ["angles"]
     assert robot["held_out"] is False
+
+
+def test_links_that_move_as_one_show_combinations_alone(tmp_path: Path) -> None:
+    # theta2 = theta1 - 90 deg: tau1 = (alpha1 - alpha2 / 2) theta'' + alpha4 omega and tau2 likewise, so that
+    # alpha1 - alpha3 and alpha2 - 2 alpha3 are all that shows of three inertias.
+    t = np.arange(0, 20, 1e-3)
+    rng = np.random.default_rng(8)
+    angular, phase = 2 * np.pi * rng.uniform(0.2, 2.0, (8, 1)), rng.uniform(0, 2 * np.pi, (8, 1))
+    theta = 0.7 + 0.05 * np.sin(angular * t + phase).sum(axis=0)
+    omega = 0.05 * (angular * np.cos(angular * t + phase)).sum(axis=0)
+    theta_dd = -0.05 * (angular**2 * np.sin(angular * t + phase)).sum(axis=0)
+    inertia = np.array([ALPHA[0] - 0.5 * ALPHA[1], ALPHA[2] - 0.5 * ALPHA[1]])
+    tau = theta_dd[:, None] * inertia + omega[:, None] * ALPHA[3:] + rng.normal(0, 0.01, (len(t), 2))
+    log = RobotLog(t=t, theta=np.stack([theta, theta - np.pi / 2], axis=1), tau=tau)
+    setup = Setup(robot=RobotSetup("planar-2r-absolute", (L1, L2)))
+    write_study(Study("rigid", setup, (Trial("free_01", "free", "free", log, None),)), tmp_path / "study")
+    result = run("fit", tmp_path / "study", "--json", tmp_path / "fit.json")
+    assert result.exit_code == 0, result.output
+    shown = json.loads((tmp_path / "fit.json").read_text())["robot"]
+    names = shown["parameters"]
+    assert list(names) == ["alpha1 - alpha3", "alpha2 - 2*alpha3", "alpha4", "alpha5"]
+    for name, truth in (
+        ("alpha1 - alpha3", ALPHA[0] - ALPHA[2]),
+        ("alpha2 - 2*alpha3", ALPHA[1] - 2 * ALPHA[2]),
+    ):
+        assert names[name]["value"] == pytest.approx(truth, rel=0.01)
+        assert name in result.output
