@@ -1,7 +1,7 @@
 """Which studies a campaign runs: each with a seed of its own, in an order that is balanced wherever it stops."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -13,6 +13,8 @@ OUTSIDE = tuple(name for name in ROWS if name.startswith("outside."))
 CLEAN_NOISES = NOISES[1:]
 STRENGTHS = (1.3, 2.0, 4.0, 10.0)
 WITHOUT_SENSOR = 0.3  # share of the laboratories that have no force sensor
+# One laboratory in two has the encoders of [D]; others count more coarsely.
+COUNTS_PER_REV = (40_000, 65_536, 131_072, 262_144, *(400_000,) * 4)
 # Without a force sensor no residual shows these: they hide in alpha or in the load's mass.
 NEED_SENSOR = frozenset({"actuator.gain", "inertia.extra"})
 # The one is the other: equal dry friction within unequal dry friction; a sensor turned is one with opposite
@@ -37,6 +39,7 @@ class Case:
         effects: labels name@place+place.
         noise: kind of noise on the torque log.
         force_sensor: whether there is one.
+        counts_per_rev: of both encoders.
     """
 
     part: str
@@ -45,6 +48,7 @@ class Case:
     effects: tuple[str, ...]
     noise: str
     force_sensor: bool
+    counts_per_rev: int
 
 
 @dataclass(frozen=True)
@@ -114,17 +118,17 @@ def _outside(first: int, sizes: Sizes) -> Iterator[Case]:
 
 def _clean(first: int, count: int) -> Iterator[Case]:
     for number in range(count):
-        case = _case("clean", first + number, 0.0, ())
-        yield Case("clean", case.seed, 0.0, (), CLEAN_NOISES[number % len(CLEAN_NOISES)], case.force_sensor)
+        yield replace(_case("clean", first + number, 0.0, ()), noise=CLEAN_NOISES[number % len(CLEAN_NOISES)])
 
 
 def _case(part: str, seed: int, strength: float, names: tuple[str, ...]) -> Case:
-    """The study with places, noise and sensor drawn by its seed."""
+    """The study with places, noise and sensors drawn by its seed."""
     chance = np.random.default_rng((seed, 2))
     effects = tuple(f"{name}@{_place(name, chance)}" for name in names)
     noise = NOISES[int(chance.integers(len(NOISES)))]
     sensor = bool(chance.random() >= WITHOUT_SENSOR) or bool(NEED_SENSOR & set(names))
-    return Case(part, seed, strength, effects, noise, sensor)
+    counts = COUNTS_PER_REV[int(chance.integers(len(COUNTS_PER_REV)))]
+    return Case(part, seed, strength, effects, noise, sensor, counts)
 
 
 def _place(name: str, chance: np.random.Generator) -> str:

@@ -24,7 +24,7 @@ def page(summary: Json, command: str) -> str:
         _groups(s["strengths"], "strength"),
         "## Two and three effects together",
         _groups(s["together"], "effects"),
-        "## By kind of noise, and with and without a force sensor",
+        "## By kind of noise, force sensor and encoder",
         _table(
             ("torque noise", "right or a correct tie at 2 floors and above", "95 % interval"),
             [(name, f"{row['count']} of {row['of']}", _interval(row)) for name, row in s["noises"].items()]
@@ -35,6 +35,14 @@ def page(summary: Json, command: str) -> str:
                     _interval(row),
                 )
                 for name, row in s["force_sensor"].items()
+            ]
+            + [
+                (
+                    f"any, {counts} counts per turn",
+                    f"{row['right_or_tie']['count']} of {row['right_or_tie']['of']}",
+                    _interval(row["right_or_tie"]),
+                )
+                for counts, row in s["counts_per_rev"].items()
             ],
         ),
         "## Nothing hidden",
@@ -55,13 +63,24 @@ def page(summary: Json, command: str) -> str:
         ),
         "## Every study that was not right",
         _table(
-            ("seed", "strength", "noise", "force sensor", "hidden", "verdict", "found", "structure"),
+            (
+                "seed",
+                "strength",
+                "noise",
+                "force sensor",
+                "counts per turn",
+                "hidden",
+                "verdict",
+                "found",
+                "structure",
+            ),
             [
                 (
                     row["seed"],
                     f"{row['strength']:g}",
                     row["noise"],
                     "yes" if row["force_sensor"] else "no",
+                    row["counts_per_rev"],
                     " + ".join(row["hidden"]) or "nothing",
                     row["verdict"],
                     row["found"] if isinstance(row["found"], str) else " + ".join(row["found"]) or "nothing",

@@ -39,9 +39,7 @@ def run(case: Case) -> Json:
     folder = Path(tempfile.mkdtemp(prefix="impid-campaign-"))
     begin = time.perf_counter()
     try:
-        scenario, reached = random_scenario(
-            case.seed, SMALL, case.effects, case.strength, noise=case.noise, force_sensor=case.force_sensor
-        )
+        scenario, reached = _laboratory(case, case.effects)
         line["reached"] = reached
         study = _simulated(scenario, folder / "study", case.seed)
         floor = _floor(case, folder / "clean", study)
@@ -93,6 +91,18 @@ def _hidden(scenario: Scenario) -> dict[str, Entry]:
     return {one.effect: one for trial in scenario.trials for one in effects_in(scenario, trial)}
 
 
+def _laboratory(case: Case, effects: tuple[str, ...]) -> tuple[Scenario, dict[str, float]]:
+    return random_scenario(
+        case.seed,
+        SMALL,
+        effects,
+        case.strength,
+        noise=case.noise,
+        force_sensor=case.force_sensor,
+        counts_per_rev=case.counts_per_rev,
+    )
+
+
 def _simulated(scenario: Scenario, folder: Path, seed: int) -> Study:
     write_study(scenario, folder, seed)
     return read_study(folder)
@@ -101,9 +111,7 @@ def _simulated(scenario: Scenario, folder: Path, seed: int) -> Study:
 def _floor(case: Case, folder: Path, study: Study) -> dict[str, float]:
     """What the same laboratory's papers' model leaves on held-out data, same noise, with nothing hidden."""
     if case.effects:
-        clean, _ = random_scenario(
-            case.seed, SMALL, (), 1.0, noise=case.noise, force_sensor=case.force_sensor
-        )
+        clean, _ = _laboratory(case, ())
         study = _simulated(clean, folder, case.seed)
     model = robot_model(study.setup.robot)
     parts, _ = views(study, model)

@@ -192,6 +192,17 @@ def summary(lines: Sequence[Json]) -> Json:
             noise: rate([line for line in hidden if line["noise"] == noise and clear(line)], is_right)
             for noise in sorted({line["noise"] for line in hidden})
         },
+        "counts_per_rev": {
+            str(counts): {
+                "right_or_tie": rate(
+                    [line for line in hidden if line["counts_per_rev"] == counts and clear(line)], is_right
+                ),
+                "false_alarms": rate(
+                    [line for line in part["clean"] if line["counts_per_rev"] == counts], is_false_alarm
+                ),
+            }
+            for counts in sorted({line["counts_per_rev"] for line in lines})
+        },
         "force_sensor": {
             str(there).lower(): rate(
                 [line for line in hidden if line["force_sensor"] is there and clear(line)], is_right
@@ -209,6 +220,7 @@ def summary(lines: Sequence[Json]) -> Json:
                 "strength": line["strength"],
                 "noise": line["noise"],
                 "force_sensor": line["force_sensor"],
+                "counts_per_rev": line["counts_per_rev"],
                 "hidden": line["effects"],
                 "verdict": line["verdict"],
                 "found": line.get("found", line.get("error")),

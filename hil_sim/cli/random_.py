@@ -30,6 +30,13 @@ from hil_sim.study.write import write_study
 @click.option(
     "--force-sensor/--no-force-sensor", default=True, show_default=True, help="Whether the robot has one."
 )
+@click.option(
+    "--counts-per-rev",
+    type=click.IntRange(min=1000),
+    default=400_000,
+    show_default=True,
+    help="Of the encoders.",
+)
 @click.option("--out", type=FOLDER, required=True, help="Study folder to write; absent or empty.")
 @click.option("--truth", "truth_file", type=FILE, help="Where to write what is hidden, outside the study.")
 @click.option("--small", is_flag=True, help="Two free and two loaded trials of 30 s.")
@@ -39,6 +46,7 @@ def command(
     strength: float,
     noise: str,
     force_sensor: bool,
+    counts_per_rev: int,
     out: Path,
     truth_file: Path | None,
     small: bool,
@@ -51,7 +59,15 @@ def command(
       impid-sim random --seed 7 --effect friction.coulomb@joint1 --strength 3 --out study --truth truth.json
     """
     size = SMALL if small else FULL
-    scenario, reached = random_scenario(seed, size, effects, strength, noise=noise, force_sensor=force_sensor)
+    scenario, reached = random_scenario(
+        seed,
+        size,
+        effects,
+        strength,
+        noise=noise,
+        force_sensor=force_sensor,
+        counts_per_rev=counts_per_rev,
+    )
     write_study(scenario, out, seed, truth_file)
     if truth_file is not None:
         truth = json.loads(truth_file.read_text(encoding="utf-8"))

@@ -41,6 +41,7 @@ def random_scenario(
     *,
     noise: str = "mixed",
     force_sensor: bool = True,
+    counts_per_rev: int | None = None,
 ) -> tuple[Scenario, dict[str, float]]:
     """A study of a random laboratory in good order, except for these effects.
 
@@ -52,6 +53,7 @@ def random_scenario(
         noise: of the logged torque, one of NOISES: white and a little autoregressive, or one kind alone;
             `speed` is white noise beside some that grows with the joint's speed.
         force_sensor: whether the robot has one.
+        counts_per_rev: of both encoders; None: the 400 000 of [D].
 
     Returns:
         The scenario, and the strength that each effect reached.
@@ -63,6 +65,8 @@ def random_scenario(
     content = _laboratory(rng, size)
     if noise != "mixed":
         content["world"]["torque_log"]["noise"] = _torque_noise(noise, generator(seed, "torque noise", noise))
+    if counts_per_rev is not None:
+        content["setup"]["encoder"]["counts_per_rev"] = (counts_per_rev, counts_per_rev)
     if not force_sensor:
         del content["world"]["force_sensor"]
     clean = Scenario.model_validate(content)
