@@ -1,6 +1,6 @@
 """A study's diagnosis, from raw signals to stages: prepare, choose, prove, say what is left."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -20,7 +20,7 @@ from impid_host.diagnosis.dynamic import RESPONSE
 from impid_host.diagnosis.evidence import base_directions, solve
 from impid_host.diagnosis.final_look import carried
 from impid_host.diagnosis.findings import findings_of
-from impid_host.diagnosis.floor import PER_COLUMN, noise_floor
+from impid_host.diagnosis.floor import PER_COLUMN, noise_floor, resolution_of
 from impid_host.diagnosis.holdout import Holdout, hold_out
 from impid_host.diagnosis.leftover import BETTER, explained, unmasked
 from impid_host.diagnosis.lines import spectral_lines
@@ -28,7 +28,7 @@ from impid_host.diagnosis.oddities import Oddity
 from impid_host.diagnosis.prepare import setting_of, views
 from impid_host.diagnosis.proof import corrected
 from impid_host.diagnosis.refit import Refit, refit
-from impid_host.diagnosis.result import Chosen, Diagnosis, Structure
+from impid_host.diagnosis.result import Chosen, Diagnosis, Floor, Structure
 from impid_host.diagnosis.rows import Run, Slot, Taps, build_runs, slots_of
 from impid_host.diagnosis.shapes import structures
 from impid_host.diagnosis.smooth import smooth_candidates
@@ -112,7 +112,9 @@ def diagnose(study: Study, progress: Progress = _silent) -> Diagnosis:
         unsure = least_sure(table, active, curves)
         unknown, fit = unattributed_stage(bench, fit, parts, shown, share, unsure)
         stages = (*stages, unknown)
-    floor = floor_of(case, fit, last, [row.peak for row in left if row.variable == "frequency"])
+    lines_Hz = [row.peak for row in left if row.variable == "frequency" and len(row.curve)]
+    told = floor_of(case, fit, lines_Hz, study)
+    floor = {key: own if (own := told.value(key)) is not None else value for key, value in last.items()}
     before = sum((first[key] / floor[key]) ** 2 for key in first)
     after = sum(max((last[key] / floor[key]) ** 2 - 1, 0.0) for key in first)
     left += [odd_structure(oddity) for oddity in case.oddities]
@@ -130,6 +132,7 @@ def diagnose(study: Study, progress: Progress = _silent) -> Diagnosis:
         validation_trials=case.holdout.validation,
         stages=stages,
         floor=floor,
+        told=told,
         share_unexplained=float(after / before),
         above_noise_floor=bool(left) or any(last[key] > _ABOVE * floor[key] for key in last),
         structure=tuple(left),
@@ -139,7 +142,7 @@ def diagnose(study: Study, progress: Progress = _silent) -> Diagnosis:
 
 
 def carries(part: Chosen) -> bool:
-    """Whether a curve can be taken out: it says something of other data, and is not what alpha is there for."""
+    """Whether a curve can be taken out: it says something of other data, and is no dynamics like alpha."""
     other = part.candidate.where[-1] not in ("time", "one_trial")
     return other and not part.candidate.variant.startswith(RESPONSE)
 
@@ -273,12 +276,14 @@ def second_opinion(case: Case, picked: Sequence[Slot]) -> tuple[Table, Taps]:
     return table, taps
 
 
-def floor_of(case: Case, fit: Refit, rms: Mapping[str, float], lines_Hz: Sequence[float]) -> dict[str, float]:
-    """What noise alone leaves in each held-out channel; the model's own error where that cannot be told."""
+def floor_of(case: Case, fit: Refit, lines_Hz: Sequence[float], study: Study) -> Floor:
+    """What noise alone leaves in each held-out channel."""
     seconds = sum(float(np.sum(view.valid)) * view.dt for view in case.views)
     columns = saturated(case.base, case.slots, round(5 * 2 * PUBLISHED_CUTOFF_HZ * seconds / PER_COLUMN))
-    found = noise_floor(fit, case.base, case.holdout, case.runs, columns, lines_Hz)
-    return {key: found.get(key, value) for key, value in rms.items()}
+    used = {view.name for view in case.views}
+    logs = [(trial.robot.tau, trial.robot.force) for trial in study.trials if trial.name in used]
+    steps = resolution_of(logs)
+    return noise_floor(fit, case.base, case.holdout, case.runs, columns, lines_Hz, steps)
 
 
 def prepare(study: Study, progress: Progress = _silent, pushed: Sequence[Burst] = ()) -> Case:

@@ -2,8 +2,9 @@
 
 A saturated regression (the papers' model, every effect of the catalogue at several shapes, smooth curves of
 everything) leaves noise, less the share that so many columns take by chance; that share is given back by the
-rows' leverage. The noise of torque and of acceleration is then propagated through the robot model and the
-virtual sensor, as the signals are.
+rows' leverage. Where a motion was repeated, the difference of its residuals is noise whatever the model.
+Neither can be less than resolution and data sheet say. The noise of torque and of acceleration is then
+propagated through the robot model and the virtual sensor, as the signals are.
 """
 
 from collections.abc import Mapping, Sequence
@@ -16,21 +17,25 @@ from impid_host.diagnosis.base import Base
 from impid_host.diagnosis.holdout import Holdout
 from impid_host.diagnosis.proof import channel, corrected
 from impid_host.diagnosis.refit import Refit
-from impid_host.diagnosis.rows import Run, build_runs
+from impid_host.diagnosis.repeats import Repeat, repeats
+from impid_host.diagnosis.result import Floor
+from impid_host.diagnosis.rows import Index, Run, build_runs
 from impid_host.effects.view import ANGLE, View
 from impid_host.signals.arrays import Floats
 from impid_host.signals.chain import PUBLISHED_CUTOFF_HZ
 
 _EDGE_S = 0.3  # where the narrow filter has not settled
+ADXL203_NOISE = 110e-6 * 9.80665  # m/s^2/sqrt(Hz), data sheet: at rest, it can be no less
+RATED_HZ = 1000.0  # of logs in the study format
 PER_COLUMN = 6  # independent rows for each column of the saturated regression
 
 
 @dataclass(frozen=True, slots=True)
 class _Noise:
-    """Noise of one trial's held-out rows, (N, c) by family, and where in the view they lie, (N,)."""
+    """Noise of one trial's rows, (N, c) by family, and where in the view they lie, (N,)."""
 
     view: View
-    place: Floats
+    place: Index
     by_family: Mapping[str, Floats]
 
 
@@ -41,32 +46,70 @@ def noise_floor(
     runs: Sequence[Run],
     columns: Sequence[int],
     lines_Hz: Sequence[float] = (),
-) -> dict[str, float]:
-    """rms by channel, keyed as `validation_rms`.
+    resolution: Mapping[str, Floats] | None = None,
+) -> Floor:
+    """The floor, by all that tell of it.
 
     Args:
         fit: effects that are taken out first; what they miss, the columns take.
         runs: raw rows of the saturated regression; columns: which of their columns.
         lines_Hz: of what hums, which has no column there.
+        resolution: smallest steps in the logs by family, (c,).
     """
-    noise = _noise(fit, base, holdout, runs, columns, lines_Hz)
+    plain = [run for view in fit.views for run in build_runs(corrected(view, fit.chosen), base, [], holdout)]
+    again = [_repeated(repeat, plain[0].step_s) for repeat in repeats(plain, fit.views, fit.base)]
+    steps = [_specified(view, resolution or {}) for view in fit.views]
+    return Floor(
+        _rms(_noise(fit, base, plain, runs, columns, lines_Hz), fit, base),
+        _rms([part for part in again if part is not None], fit, base),
+        _rms(steps, fit, base),
+    )
+
+
+def _rms(parts: Sequence[_Noise], fit: Refit, base: Base) -> dict[str, float]:
     free = any(view.load is None for view in fit.views)
     squares: dict[str, list[Floats]] = {}
-    for part in noise:
+    for part in parts:
         for key, value in _propagated(part, fit, base, free=free).items():
             squares.setdefault(key, []).append(value)
-    return {key: float(np.sqrt(np.mean(np.concatenate(parts)))) for key, parts in squares.items()}
+    return {key: float(np.sqrt(np.mean(np.concatenate(own)))) for key, own in squares.items()}
+
+
+def _repeated(repeat: Repeat, step_s: float) -> _Noise | None:
+    by_family = {}
+    place = repeat.place
+    for family, values in repeat.by_family.items():
+        narrow = _narrow(values, step_s)
+        if narrow is None:
+            return None
+        by_family[family] = narrow[0]
+        place = repeat.place[np.round(narrow[1] / step_s).astype(int)]
+    return _Noise(repeat.view, place, by_family)
+
+
+def _specified(view: View, resolution: Mapping[str, Floats]) -> _Noise:
+    """Rounding is white up to half the rate of the log, which is no slower than the view's."""
+    place = np.arange(0, len(view.t), 50)
+    band = np.sqrt(2 * PUBLISHED_CUTOFF_HZ / max(view.rate_hz, RATED_HZ))
+    by_family = {
+        family: np.tile(step / np.sqrt(12.0) * band, (len(place), 1)) for family, step in resolution.items()
+    }
+    by_family.setdefault("torque", np.zeros((len(place), view.joints)))
+    if view.measured is not None:
+        by_family["specific_force"] = np.full((len(place), 2), ADXL203_NOISE * np.sqrt(PUBLISHED_CUTOFF_HZ))
+    if view.force is None or view.load is None:
+        by_family.pop("force", None)
+    return _Noise(view, place, by_family)
 
 
 def _noise(
     fit: Refit,
     base: Base,
-    holdout: Holdout,
+    plain: Sequence[Run],
     runs: Sequence[Run],
     columns: Sequence[int],
     lines_Hz: Sequence[float],
 ) -> list[_Noise]:
-    plain = [run for view in fit.views for run in build_runs(corrected(view, fit.chosen), base, [], holdout)]
     extra = {_name(run): run for run in runs}
     by_key: dict[tuple[str, int], list[tuple[Run, Floats, Floats]]] = {}
     keep = [k for k in columns if k >= base.size]
@@ -198,3 +241,22 @@ def _inertia(base: Base, theta: Floats, alpha: Floats) -> Floats:
         unit[:, joint] = 1.0
         columns.append(base.model.regressor(theta, still, unit) @ alpha - level)
     return np.stack(columns, axis=2)
+
+
+def resolution_of(logs: Sequence[tuple[Floats, Floats | None]]) -> dict[str, Floats]:
+    """Smallest steps of torque and force over the logs, by family, (c,).
+
+    Args:
+        logs: torque (N, n) and force (N, d) or None, of each trial.
+    """
+    result = {"torque": _steps([tau for tau, _ in logs])}
+    forces = [force for _, force in logs if force is not None]
+    if forces:
+        result["force"] = _steps(forces)
+    return result
+
+
+def _steps(signals: Sequence[Floats]) -> Floats:
+    values = [np.concatenate([signal[:, c] for signal in signals]) for c in range(signals[0].shape[1])]
+    steps = [np.diff(np.unique(np.round(own, 12))) for own in values]
+    return np.array([float(own.min()) if len(own) else 0.0 for own in steps])

@@ -13,11 +13,12 @@ UNATTRIBUTED = "unattributed"
 
 @dataclass(frozen=True, slots=True)
 class Number:
-    """A value of any shape with its 95 % interval (one more axis, low and high), and its unit."""
+    """A value of any shape with its 95 % interval (one more axis, low and high), its unit, its covariance."""
 
     value: Floats
     ci95: Floats
     unit: str
+    covariance: Floats | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,11 +113,40 @@ class Tie:
 
 
 @dataclass(frozen=True, slots=True)
+class Floor:
+    """What noise alone leaves, rms by channel, keyed as `validation_rms`.
+
+    Attributes:
+        saturated: by a regression rich enough to leave nothing else, on the held-out rows.
+        repeated: by differences of repeated motions; empty where nothing was repeated.
+        specified: by resolution of the logs and the accelerometer's data sheet: what it can't be less than.
+    """
+
+    saturated: Mapping[str, float]
+    repeated: Mapping[str, float]
+    specified: Mapping[str, float]
+
+    def origin(self, key: str) -> str:
+        """Which of the three the floor of this channel is."""
+        among = {"saturated model": self.saturated, "repeated motion": self.repeated}
+        known = {name: values[key] for name, values in among.items() if key in values}
+        if not known:
+            return "none"
+        least = min(known, key=lambda name: known[name])
+        return "specification" if self.specified.get(key, 0.0) > known[least] else least
+
+    def value(self, key: str) -> float | None:
+        """The floor of this channel."""
+        known = [values[key] for values in (self.saturated, self.repeated) if key in values]
+        return max(min(known), self.specified.get(key, 0.0)) if known else None
+
+
+@dataclass(frozen=True, slots=True)
 class Diagnosis:
     """The whole answer.
 
     Attributes:
-        floor: by channel, what noise alone leaves in the residual.
+        floor: by channel, what noise alone leaves in the residual; told: by what that is known.
         notes: what a reader must know: no accelerometer, trials left out.
     """
 
@@ -130,6 +160,7 @@ class Diagnosis:
     structure: tuple[Structure, ...] = ()
     ambiguous: tuple[Tie, ...] = ()
     notes: tuple[str, ...] = field(default=())
+    told: Floor = Floor({}, {}, {})
 
 
 def as_array(value: Value) -> Floats:

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Any
 
-from impid_host.diagnosis.result import Diagnosis, Finding, Number, Stage
+from impid_host.diagnosis.result import Diagnosis, Finding, Floor, Number, Stage
 
 Json = dict[str, Any]
 LEAST_P = 1e-300  # below it a test underflows to zero, which no p-value is
@@ -20,6 +20,7 @@ def diagnosis_json(diagnosis: Diagnosis) -> Json:
         },
         "stages": [_stage(stage) for stage in diagnosis.stages],
         "noise_floor": dict(diagnosis.floor),
+        "noise_floor_origin": {key: _origin(diagnosis.told, key) for key in diagnosis.floor},
         "unexplained": {
             "share_of_residual": diagnosis.share_unexplained,
             "above_noise_floor": diagnosis.above_noise_floor,
@@ -40,6 +41,15 @@ def diagnosis_json(diagnosis: Diagnosis) -> Json:
             for tie in diagnosis.ambiguous
         ],
         "notes": list(diagnosis.notes),
+    }
+
+
+def _origin(told: Floor, key: str) -> Json:
+    return {
+        "used": told.origin(key),
+        "saturated_model": told.saturated.get(key),
+        "repeated_motion": told.repeated.get(key),
+        "specification": told.specified.get(key),
     }
 
 
