@@ -77,7 +77,7 @@ def page(rows: list[dict[str, Any]], studies: int) -> str:
 
 def draw(rows: list[dict[str, Any]], path: Path) -> None:
     """Bias and rms error against the cut-off."""
-    figure = Figure(figsize=(7.0, 2.9), layout="constrained")
+    figure = Figure(figsize=(8.4, 2.9), layout="constrained")
     cutoffs = [row["cutoff_Hz"] for row in rows]
     for panel, part in zip(figure.subplots(1, 2), ("alpha", "load"), strict=True):
         for factor, color in zip(rows[0]["noise"], ("#0072b2", "#009e73", "#d55e00"), strict=True):
@@ -95,7 +95,8 @@ def draw(rows: list[dict[str, Any]], path: Path) -> None:
             xlabel="cut-off (Hz)", ylabel="error (%)", title="α1 to α3" if part == "alpha" else "m, kxx, kyy"
         )
         panel.spines[["top", "right"]].set_visible(False)
-    panel.legend(frameon=False, fontsize=7)
+    handles, labels = panel.get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside right center", frameon=False, fontsize=7)
     figure.savefig(path, dpi=180)
 
 
