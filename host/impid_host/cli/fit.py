@@ -1,6 +1,7 @@
 """`impid-host fit`: the robot, then the load or arm, of a study."""
 
 import json
+from dataclasses import asdict
 from pathlib import Path
 from typing import Literal
 
@@ -9,6 +10,7 @@ from rich.console import Console
 
 from impid_host.cli.inputs import load_inputs
 from impid_host.cli.pair import PAIR
+from impid_host.diagnosis.saved import SavedModel, read_model
 from impid_host.impedance.campaign import Options, fit_study
 from impid_host.impedance.constrained import constrain as constrain_matrices
 from impid_host.impedance.joint_space import Limb, joint_impedance
@@ -60,6 +62,16 @@ from impid_host.signals.chain import CHAINS
     metavar="SECONDS",
     help="Hold out the end of each trial for validation (at most a fifth); 0 fits everything.",
 )
+@click.option(
+    "--model",
+    "model_file",
+    type=click.Path(path_type=Path, dir_okay=False),
+    metavar="FILE",
+    help="Take the effects of a saved model (`diagnose --save-model`) out of the signals first.",
+)
+@click.option(
+    "--saved-robot", is_flag=True, help="With --model: its robot parameters, even if trials are free."
+)
 @click.option("--constrain", is_flag=True, help="Also give M and K of arms symmetric and positive definite.")
 @click.option("--limb", type=PAIR, metavar="UPPER,FORE", help="Limb lengths, m: also give joint impedance.")
 @click.option("--shoulder", type=PAIR, metavar="X,Y", help="Where the shoulder is, m, in the robot's frame.")
@@ -79,6 +91,8 @@ def command(
     cutoff: float | None,
     terms: tuple[str, ...],
     validate: float,
+    model_file: Path | None,
+    saved_robot: bool,
     constrain: bool,
     limb: tuple[float, float] | None,
     shoulder: tuple[float, float] | None,
@@ -98,6 +112,7 @@ def command(
       impid-host fit study/
       impid-host fit study/ --json result.json --figures figures/
       impid-host fit arm_study/ --constrain --limb 0.30,0.33 --shoulder 0.37,-0.50
+      impid-host fit next_study/ --model model.json
       impid-host fit emps/ --chain emps --with friction.coulomb --with actuator.offset --validate 0
     """
     geometry = _limb(limb, shoulder, side)
@@ -105,8 +120,15 @@ def command(
     row = CHAINS[chain] if cutoff is None else CHAINS[chain].with_cutoff(cutoff)
     options = Options(row, acceleration, terms, Split(validate))
     errors = Console(stderr=True)
+    provenance = None
+    saved = None if model_file is None else _saved(model_file, chain)
     with errors.status("reading") as status:
-        result = fit_study(study, options, status.update)
+        if saved is None:
+            result = fit_study(study, options, status.update)
+        else:
+            from impid_host.diagnosis.reuse import fit_with_model  # noqa: PLC0415  (the catalogue is slow to import)
+
+            result, provenance = fit_with_model(study, saved, options, status.update, keep_robot=saved_robot)
         if figures is not None:
             status.update("drawing")
             from impid_host.report.fit_figures import draw_study  # noqa: PLC0415  (matplotlib is slow to import)
@@ -116,7 +138,11 @@ def command(
     arms = [fit for fit in result.loads if fit.model.name == "arm" and len(fit.model.axes) == 2]
     tight = [constrain_matrices(fit, handle) for fit in arms] if constrain else []
     joints = [] if geometry is None else [joint_impedance(fit, geometry, handle) for fit in arms]
+    for line in [] if provenance is None else provenance.warnings:
+        click.echo(line, err=True)
     if json_to != "-":
+        for line in [] if provenance is None else provenance.lines:
+            click.echo(line)
         print_fit(table_console(), result, tight, joints)
         if figures is not None:
             click.echo(f"{len(drawn)} figures in {figures}")
@@ -131,11 +157,19 @@ def command(
             constrained=tight,
             joints=joints,
         )
+        if provenance is not None:
+            document["model"] = asdict(provenance)
         text = json.dumps(document, indent=2)
         if json_to == "-":
             click.echo(text)
         else:
             Path(json_to).write_text(text + "\n", encoding="utf-8")
+
+
+def _saved(path: Path, chain: str) -> SavedModel:
+    if chain != "default":
+        raise click.UsageError("--model goes with --chain default: its effects act on those signals")
+    return read_model(path)
 
 
 def _limb(limb: tuple[float, float] | None, shoulder: tuple[float, float] | None, side: str) -> Limb | None:

@@ -236,7 +236,7 @@ def _widened(
 
 def _alpha_number(fit: _Fit) -> Number:
     if fit.alpha is not None:
-        return Number(fit.alpha.value, fit.alpha.ci95, "SI")
+        return Number(fit.alpha.value, fit.alpha.ci95, "SI", fit.alpha.covariance)
     return Number(fit.robot.value, np.stack([fit.robot.value, fit.robot.value], axis=1), "SI")
 
 

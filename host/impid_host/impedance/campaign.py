@@ -1,6 +1,6 @@
 """A whole study through the identification: align every trial, the robot first, then load by load."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -9,7 +9,7 @@ from impid_host.errors import UndeterminedError
 from impid_host.impedance.identify import LoadFit, RobotFit, RobotParameters, identify_load, identify_robot
 from impid_host.impedance.loads import LoadKind, load_model
 from impid_host.impedance.rows import Split
-from impid_host.impedance.stochastic import SpectralFit, fit_spectral
+from impid_host.impedance.stochastic import SpectralFit, fit_spectral, shaken
 from impid_host.robot.model import RobotModel, robot_model
 from impid_host.robot.terms import RobotStructure, robot_structure
 from impid_host.signals.align import AccelerationSource, AlignedTrial, align
@@ -47,11 +47,14 @@ class StudyFit:
     handle_mass_kg: float = 0.0
 
 
+Progress = Callable[[str], None]
+
+
 def _silent(_words: str) -> None:
     return
 
 
-def fit_study(study: Study, options: Options, progress: Callable[[str], None] = _silent) -> StudyFit:
+def fit_study(study: Study, options: Options, progress: Progress = _silent) -> StudyFit:
     """Identify the robot from the free trials (or take the prior), then every load by each method.
 
     Args:
@@ -61,26 +64,45 @@ def fit_study(study: Study, options: Options, progress: Callable[[str], None] = 
         UndeterminedError: neither free trials nor a prior, or the data do not determine what was asked.
     """
     model = robot_model(study.setup.robot)
-    structure = robot_structure(model, options.terms)
     trials = []
     for trial in study.trials:
         progress(f"aligning {trial.name}")
         trials.append(align(trial, study.setup, model, options.chain, options.acceleration))
+    return fit_aligned(study, trials, options, progress)
+
+
+def fit_aligned(
+    study: Study,
+    trials: Sequence[AlignedTrial],
+    options: Options,
+    progress: Progress = _silent,
+    robot: RobotFit | RobotParameters | None = None,
+) -> StudyFit:
+    """The same from trials that are aligned already.
+
+    Args:
+        robot: known from elsewhere; by default identified from the free trials, or the prior.
+
+    Raises:
+        UndeterminedError: as `fit_study`.
+    """
+    model = robot_model(study.setup.robot)
+    structure = robot_structure(model, options.terms)
     progress("identifying the robot")
     free = [trial for trial in trials if trial.kind == "free"]
-    robot: RobotFit | RobotParameters
-    if free:
+    if robot is None and free:
         robot = identify_robot(free, structure, options.chain, options.split)
-        parameters = robot.parameters
-    else:
-        robot = parameters = prior_parameters(study, structure)
+    elif robot is None:
+        robot = prior_parameters(study, structure)
+    parameters = robot.parameters if isinstance(robot, RobotFit) else robot
     loads: list[LoadFit] = []
     spectral: list[SpectralFit] = []
-    for members in _by_load(trials):
+    for members in _by_load(list(trials)):
         progress(f"identifying {members[0].load}")
         loads += fit_load(members, study.setup, model, parameters, options, _shaken(study, members))
         if members[0].kind == "stochastic":
-            spectral += fit_shaken(members, study.setup, parameters, options, _shaken(study, members))
+            progress(f"spectra of {members[0].load}")
+            spectral += fit_shaken(study, members, model, parameters, options)
     return StudyFit(
         study.name,
         options.chain.name,
@@ -127,16 +149,30 @@ def fit_load(
 
 
 def fit_shaken(
-    members: list[AlignedTrial], setup: Setup, robot: RobotParameters, options: Options, on: LoadKind
+    study: Study,
+    members: list[AlignedTrial],
+    model: RobotModel,
+    robot: RobotParameters,
+    options: Options,
 ) -> list[SpectralFit]:
     """One load's stochastic trials by the spectral method, by either sensor where there are two.
 
     Raises:
         UndeterminedError: the trials are too short or too poor for spectra.
     """
+    named = {trial.name: trial for trial in study.trials}
+    wide = {one.name: shaken(named[one.name], study.setup, model, options.acceleration) for one in members}
     measured = [trial for trial in members if trial.force is not None]
     return [
-        fit_spectral(part, on, options.chain, options.split, robot=known, handle_mass_kg=setup.handle_mass_kg)
+        fit_spectral(
+            part,
+            [wide[one.name] for one in part],
+            _shaken(study, members),
+            options.chain,
+            options.split,
+            robot=known,
+            handle_mass_kg=study.setup.handle_mass_kg,
+        )
         for part, known in _rounds(members, measured, robot)
     ]
 

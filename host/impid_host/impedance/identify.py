@@ -29,8 +29,8 @@ class RobotParameters:
     Attributes:
         structure: the model and its optional terms.
         value: (p,); covariance: (p, p), zero where it is not known.
-        origin: "free trials"; "force sensor": under load, the sensor's force taken off; "prior"; "none" for
-            a torque sensor that carries nothing but the load;
+        origin: "free trials"; "force sensor": under load, the sensor's force taken off; "saved model";
+            "prior"; "none" for a torque sensor that carries nothing but the load;
             "unknown" where neither free trials nor a prior tell: values are not numbers, and Method 2 is
             all there is.
         unseen: directions in parameter space that the free trials leave open, (p, k), or None.
@@ -39,7 +39,7 @@ class RobotParameters:
     structure: RobotStructure
     value: Floats
     covariance: Floats
-    origin: Literal["free trials", "force sensor", "prior", "none", "unknown"]
+    origin: Literal["free trials", "force sensor", "saved model", "prior", "none", "unknown"]
     unseen: Floats | None = None
 
 

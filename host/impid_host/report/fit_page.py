@@ -18,6 +18,7 @@ from impid_host.report.fit_tables import (
 
 _ROBOT_WORDS = {
     "prior": "Robot parameters from [prior] in setup.toml; their uncertainty is unknown and not propagated.",
+    "saved model": "Robot parameters from the saved model, with their uncertainty.",
     "unknown": "No free trial and no [prior]: the robot is unknown, only Method 2 (force sensor) serves.",
     "none": "No free trial: the measured torque is taken to be the load's alone.",
 }

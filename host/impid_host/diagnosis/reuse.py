@@ -1,0 +1,243 @@
+"""A model found on one study, used on another: its effects taken out of the signals in which they act."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from impid_host.diagnosis.base import Base, base_of
+from impid_host.diagnosis.diagnose import informed
+from impid_host.diagnosis.holdout import Holdout
+from impid_host.diagnosis.parameters import at, count_of, moves, vector_of, with_fine
+from impid_host.diagnosis.prepare import setting_of, views
+from impid_host.diagnosis.proof import aligned, corrected
+from impid_host.diagnosis.result import Chosen
+from impid_host.diagnosis.saved import SavedEffect, SavedModel, file_hashes
+from impid_host.effects.catalogue import CATALOGUE, candidates
+from impid_host.effects.effect import Candidate
+from impid_host.effects.view import Columns, View
+from impid_host.errors import InputError
+from impid_host.impedance.campaign import Options, Progress, StudyFit, fit_aligned
+from impid_host.impedance.identify import LoadFit, RobotFit, RobotParameters
+from impid_host.impedance.linear import Estimate
+from impid_host.impedance.matrices import load_matrices
+from impid_host.robot.model import robot_model
+from impid_host.robot.terms import robot_structure
+from impid_host.signals.align import AlignedTrial
+from impid_host.signals.arrays import Floats
+from impid_host.study.model import Study
+
+# What belongs to the recording that it was found in, and says nothing of the next.
+_OF_A_RECORDING = ("clock.drift", "load.drift")
+_ROUNDS = 2
+
+
+@dataclass(frozen=True, slots=True)
+class Provenance:
+    """Where a fit's model came from.
+
+    Attributes:
+        applied: effects taken out of the signals; left_out: those that were not, and why.
+        robot: where the robot's parameters came from.
+        same_data: files of this study on which the model was found.
+    """
+
+    file: str
+    study: str
+    made_by: str
+    applied: tuple[str, ...]
+    left_out: tuple[str, ...]
+    robot: str
+    same_data: tuple[str, ...]
+
+    @property
+    def lines(self) -> list[str]:
+        """For the reader."""
+        effects = ", ".join(self.applied) or "no effects"
+        told = [f"Model {self.file} (found on {self.study} by {self.made_by}): {effects} taken out."]
+        told += [f"Not used, {line}." for line in self.left_out]
+        return [*told, f"Robot parameters from {self.robot}."]
+
+    @property
+    def warnings(self) -> list[str]:
+        """What a reader must not overlook."""
+        if not self.same_data:
+            return []
+        files = ", ".join(self.same_data[:3]) + (", ..." if len(self.same_data) > 3 else "")
+        return [f"{self.file} was found on these very data ({files}): errors on them say nothing of new data"]
+
+
+def fit_with_model(
+    study: Study, saved: SavedModel, options: Options, progress: Progress, *, keep_robot: bool = False
+) -> tuple[StudyFit, Provenance]:
+    """The study's fit with the saved effects taken out; intervals hold the effects' uncertainty.
+
+    Args:
+        keep_robot: take the saved alpha even where there are free trials.
+
+    Raises:
+        InputError: the model is of another robot.
+        UndeterminedError: as `fit`.
+    """
+    model = robot_model(study.setup.robot)
+    require_same_robot(saved, study, len(model.parameter_names))
+    progress("aligning")
+    parts, _ = views(study, model)
+    if options.acceleration == "angles":
+        parts = [replace(view, measured=None, predicted=None) for view in parts]
+    base = base_of(parts, model, prior=True)
+    chosen, left_out = carried(saved, parts, base)
+    known = None
+    if keep_robot or all(view.load is not None for view in parts):
+        structure = robot_structure(model, options.terms)
+        known = _saved_robot(saved, structure.parameter_names)
+        robot = RobotParameters(structure, known[0], known[1], "saved model")
+    origin = "the saved model" if known is not None else "this study's own trials"
+    files = {} if study.source is None else file_hashes(study.source)
+    same = tuple(
+        name
+        for name, digest in files.items()
+        if name.endswith(".csv") and digest in saved.data_sha256.values()
+    )
+
+    def fitted(present: Sequence[Chosen]) -> StudyFit:
+        trials = cleaned_trials(parts, present, base)
+        return fit_aligned(study, trials, options, robot=None if known is None else robot)
+
+    progress("fitting without the effects")
+    plain = fitted(chosen)
+    progress("propagating the effects' uncertainty")
+    result = _widened(plain, chosen, fitted)
+    labels = tuple(dict.fromkeys(part.candidate.label for part in chosen))
+    return result, Provenance(
+        saved.path.name, saved.study, saved.made_by, labels, tuple(left_out), origin, same
+    )
+
+
+def require_same_robot(saved: SavedModel, study: Study, parameters: int) -> None:
+    """Raises InputError where the model is of another robot than the study."""
+    own = study.setup.robot
+    remedy = "use a model found on this robot (`impid-host diagnose STUDY --save-model`)"
+    if saved.robot != own.model:
+        raise InputError(saved.path, f"is of a robot {saved.robot}, the study's is {own.model}", remedy)
+    if saved.link_lengths_m and not np.allclose(saved.link_lengths_m, own.link_lengths_m, rtol=1e-6):
+        told = f"{list(saved.link_lengths_m)} m, the study's {list(own.link_lengths_m)} m"
+        raise InputError(saved.path, f"is of a robot with links of {told}", remedy)
+    if len(saved.alpha) != parameters:
+        what = f"has {len(saved.alpha)} robot parameters, this robot needs {parameters}"
+        raise InputError(saved.path, what, remedy)
+
+
+def carried(saved: SavedModel, parts: Sequence[View], base: Base) -> tuple[list[Chosen], list[str]]:
+    """The saved effects as parts of a model on these views, and those that are not carried over, with why."""
+    tried = candidates(setting_of(parts, base))
+    chosen, left_out = [], []
+    for row in saved.effects:
+        reason = _obstacle(row, saved, base, tried)
+        if reason is not None:
+            left_out.append(f"{row.label}: {reason}")
+            continue
+        candidate = next(c for c in tried if _is(c, row))
+        part = Chosen(_among(candidate, saved.loads), row.shape, row.beta, row.covariance)
+        chosen.append(part if row.fine is None or candidate.finer is None else with_fine(part, row.fine))
+    return chosen, left_out
+
+
+def _obstacle(row: SavedEffect, saved: SavedModel, base: Base, tried: Sequence[Candidate]) -> str | None:
+    effect = CATALOGUE.get(row.effect)
+    if effect is None:
+        return "this version of impid does not know it"
+    if row.effect in _OF_A_RECORDING:
+        return "it belongs to the recording in which it was found"
+    own = {name for name, _ in base.loads}
+    if effect.acts_on == "load" and not own & set(saved.loads):
+        return "it belongs to a load that is not in this study"
+    found = [candidate for candidate in tried if _is(candidate, row)]
+    if not found:
+        return "this study's instruments do not show it"
+    return None if found[0].size == len(row.beta) else "this version of impid describes it otherwise"
+
+
+def _is(candidate: Candidate, row: SavedEffect) -> bool:
+    return (candidate.effect, candidate.where, candidate.variant) == (row.effect, row.where, row.variant)
+
+
+def _among(candidate: Candidate, loads: Sequence[str]) -> Candidate:
+    """An effect of a load acts in trials of the loads on which it was found, and in no other."""
+    if CATALOGUE[candidate.effect].acts_on != "load":
+        return candidate
+    inner = candidate.columns
+
+    def columns(view: View, shape: float) -> Columns:
+        return inner(view, shape) if view.load in loads else {}
+
+    return replace(candidate, columns=columns)
+
+
+def cleaned_trials(parts: Sequence[View], chosen: Sequence[Chosen], base: Base) -> list[AlignedTrial]:
+    """The trials as they would have been measured without the chosen effects, at the views' rate."""
+    everything = Holdout(tuple(view.name for view in parts), ())
+    raw = informed(parts, base, everything)
+    cleaned = [corrected(view, chosen) for view in raw]
+    for _ in range(_ROUNDS - 1):
+        # Effects that lean on the model's torque or equilibrium want those without the effects.
+        better = informed(cleaned, base, everything)
+        raw = [
+            replace(view, torque_model=b.torque_model, x0=b.x0, K=b.K, alpha=b.alpha)
+            for view, b in zip(raw, better, strict=True)
+        ]
+        cleaned = [corrected(view, chosen) for view in raw]
+    return [aligned(view) for view in cleaned]
+
+
+def _saved_robot(saved: SavedModel, names: Sequence[str]) -> tuple[Floats, Floats]:
+    if len(names) != len(saved.alpha):
+        raise InputError(
+            saved.path,
+            "holds no parameters for the terms of --with",
+            "leave --with out, or record free trials",
+        )
+    return saved.alpha, saved.covariance
+
+
+def _widened(plain: StudyFit, chosen: Sequence[Chosen], fitted: object) -> StudyFit:
+    """Robot and loads with the effects' covariance, taken through the fit by finite differences."""
+    vector = vector_of(chosen)
+    if len(vector) == 0:
+        return plain
+    covariance = np.zeros((len(vector), len(vector)))
+    first = 0
+    for part in chosen:
+        own = slice(first, first + count_of(part))
+        size = min(count_of(part), len(part.covariance))
+        covariance[own, own][:size, :size] = part.covariance[:size, :size]
+        first += count_of(part)
+    steps = moves(chosen, np.sqrt(np.diag(covariance)))
+    others = [
+        fitted(at(chosen, vector + step * row))  # type: ignore[operator]
+        for step, row in zip(steps, np.eye(len(vector)), strict=True)
+    ]
+
+    def wider(own: Estimate, moved: Sequence[Estimate]) -> Estimate:
+        slope = np.stack([(m.value - own.value) / step for m, step in zip(moved, steps, strict=True)], axis=1)
+        return replace(own, covariance=own.covariance + slope @ covariance @ slope.T)
+
+    robot = plain.robot
+    if isinstance(robot, RobotFit) and all(isinstance(other.robot, RobotFit) for other in others):
+        estimate = wider(robot.estimate, [other.robot.estimate for other in others])
+        if len(estimate.value) == len(robot.parameters.value):
+            robot = replace(
+                robot,
+                estimate=estimate,
+                parameters=replace(robot.parameters, covariance=estimate.covariance),
+            )
+    loads = tuple(
+        _with_estimate(fit, wider(fit.estimate, [other.loads[k].estimate for other in others]), plain)
+        for k, fit in enumerate(plain.loads)
+    )
+    return replace(plain, robot=robot, loads=loads)
+
+
+def _with_estimate(fit: LoadFit, estimate: Estimate, plain: StudyFit) -> LoadFit:
+    matrices = load_matrices(fit.model, estimate, plain.handle_mass_kg)
+    return replace(fit, estimate=estimate, M=matrices.M, B=matrices.B, K=matrices.K, x0=matrices.x0)
