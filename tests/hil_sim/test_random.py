@@ -79,6 +79,18 @@ def test_a_kind_of_noise_alone_leaves_the_laboratory_as_it_is(noise):
     assert 0.1 < floors[0] / floors[1] < 10.0
 
 
+def test_coarser_encoders_count_fewer_steps_for_the_same_motion():
+    fine, coarse = (
+        without_effects(random_scenario(7, SMALL, (), 1.0, counts_per_rev=counts)[0], trial, 7)
+        for counts in (None, 40_000)
+        for trial in random_scenario(7, SMALL, (), 1.0)[0].trials[:1]
+    )
+    assert (fine.encoder.counts_per_rev, coarse.encoder.counts_per_rev) == ((400_000,) * 2, (40_000,) * 2)
+    angles = np.array([[0.1, -0.4], [0.7, 0.9]])
+    assert fine.encoder.count(angles) == pytest.approx(10.0 * coarse.encoder.count(angles), abs=10.0)
+    assert coarse.plant.counts_per_rev == (40_000, 40_000)
+
+
 def test_a_robot_may_have_no_force_sensor():
     scenario, _ = random_scenario(7, SMALL, (), 1.0, force_sensor=False)
     assert scenario.world.force_sensor is None
