@@ -2,7 +2,7 @@
 
     python bench/cutoff.py [STUDIES] [--markdown FILE]
 
-Studies as in bench/coverage.py (white noise), times 1, 5 and 25 in the accelerometer; prints bias and rms
+Studies as in bench/coverage_study.py (white noise), times 1, 5 and 25 in the accelerometer; prints bias and rms
 error in % of the true value, worst of alpha1 to alpha3 and of m, kxx, kyy, by Method 1. `--markdown` writes
 JSON and a figure beside the page.
 """
@@ -12,9 +12,9 @@ import sys
 from pathlib import Path
 from typing import Any
 
-import coverage
+import coverage_study
 import numpy as np
-from coverage import ALPHA, STRUCTURE, trial, truth
+from coverage_study import ALPHA, STRUCTURE, trial, truth
 from impid_host.impedance.identify import identify_load, identify_robot
 from impid_host.impedance.rows import Split
 from impid_host.signals.chain import DEFAULT
@@ -22,13 +22,13 @@ from matplotlib.figure import Figure
 
 CUTOFFS_HZ = (2.0, 3.0, 4.5, 7.0, 12.0, 25.0)
 NOISE = (1.0, 5.0, 25.0)
-ORDINARY_M_S2 = coverage.ACCELERATION_M_S2
+ORDINARY_M_S2 = coverage_study.ACCELERATION_M_S2
 
 
 def errors(cutoff_hz: float, factor: float, studies: int) -> dict[str, np.ndarray]:
     """Relative errors, (studies, k): alpha1 to alpha3, and m, kxx, kyy."""
     chain, load = DEFAULT.with_cutoff(cutoff_hz), truth("mass-spring")
-    coverage.ACCELERATION_M_S2 = ORDINARY_M_S2 * factor
+    coverage_study.ACCELERATION_M_S2 = ORDINARY_M_S2 * factor
     robot_errors, load_errors = [], []
     for seed in range(studies):
         rng = np.random.default_rng([seed, 3])
@@ -53,7 +53,7 @@ def page(rows: list[dict[str, Any]], studies: int) -> str:
         "# The cut-off by evidence",
         "",
         f"`python bench/cutoff.py {studies}`: {studies} studies each; accelerometer noise of 1, 5 and 25 times "
-        f"{1e3 * ORDINARY_M_S2:g} mm/s² rms per sample at {coverage.RATE:g} Hz. Bias / rms error in %, the worst of α1 to "
+        f"{1e3 * ORDINARY_M_S2:g} mm/s² rms per sample at {coverage_study.RATE:g} Hz. Bias / rms error in %, the worst of α1 to "
         "α3, and of m, kxx, kyy by Method 1.",
         "",
         "| cut-off (Hz) | " + " | ".join(f"α, noise × {f:g} | load, noise × {f:g}" for f in NOISE) + " |",
