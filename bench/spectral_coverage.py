@@ -57,13 +57,12 @@ def one_study(study: int) -> dict[str, list[list[float]]]:
     error = ALPHA_SD * rng.standard_normal(5)
     found = {}
     for label, setting in SETTINGS.items():
-        best = estimate_spectral(trials, FS, setting).best
+        best = estimate_spectral(trials, FS, setting, surrogates=25).best
         found |= {f"{label}, {name} fit": row(getattr(best, fit)) for name, fit in FITS.items()}
     own = [virtual(trial, error) for trial in trials]
-    best = estimate_spectral(own, FS, FINE, slope_covariance=np.diag(ALPHA_SD**2)).best
-    return found | {
-        f"5 segments, virtual sensor, {name} fit": row(getattr(best, fit)) for name, fit in FITS.items()
-    }
+    covariance = np.diag(ALPHA_SD**2)
+    best = estimate_spectral(own, FS, FINE, slope_covariance=covariance, surrogates=0).best
+    return found | {"5 segments, virtual sensor, weighted fit": row(best.weighted_fit)}
 
 
 def row(fit: SecondOrderFit) -> list[list[float]]:

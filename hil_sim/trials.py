@@ -1,6 +1,7 @@
 """From a scenario, one of its trials and a seed to everything that is true of that trial."""
 
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -9,7 +10,7 @@ from hil_sim.effects import catalogue
 from hil_sim.effects.entry import Entry
 from hil_sim.errors import SimError
 from hil_sim.plant.kinematics import joint_angles
-from hil_sim.plant.perturbation import RATE_HZ, random_perturbation
+from hil_sim.plant.perturbation import RATE_HZ, played_perturbation, random_perturbation
 from hil_sim.plant.plant import Load, PlantParameters
 from hil_sim.plant.reference import Course, ten_sinusoids
 from hil_sim.scenarios.schema import LoadTruth, Motion, NoiseTable, Scenario, TorqueNoiseTable, Trial
@@ -134,14 +135,20 @@ def _course(scenario: Scenario, trial: Trial, load: Load, seed: int) -> Course:
             centre = joint_angles(load.x0, scenario.setup.robot.link_lengths_m)
         except ValueError as error:
             raise SimError(f"trial {trial.name}: {error}; move x0_m of load {trial.load}") from None
+    if trial.command_csv is not None:
+        try:
+            return played_perturbation(Path(trial.command_csv), load.x0, scenario.setup.robot.link_lengths_m)
+        except ValueError as error:
+            raise SimError(f"trial {trial.name}: {error}") from None
     if trial.kind == "stochastic":
+        table = scenario.motion.perturbation
         return random_perturbation(
             hold_m=load.x0,
-            rms_N=scenario.motion.perturbation.rms_N,
-            highest_Hz=scenario.motion.perturbation.highest_Hz,
+            rms_N=table.rms_N,
+            highest_Hz=table.highest_Hz,
             duration_s=trial.duration_s,
             link_lengths_m=scenario.setup.robot.link_lengths_m,
-            generator=generator(seed, trial.name, "perturbation"),
+            generator=generator(seed, "every trial" if table.alike else trial.name, "perturbation"),
         )
     return ten_sinusoids(
         centre_rad=centre,

@@ -1,6 +1,7 @@
 """Force perturbations of the stochastic method, [P] Sec. II: random pushes while a weak PD holds."""
 
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,6 +52,27 @@ class HeldPerturbation:
         force = np.where((index < table.shape[0])[:, None], table[np.minimum(index, table.shape[0] - 1)], 0.0)
         place = np.broadcast_to(self._perturbation.hold_m, (count, 2))
         return np.hstack([place, force])
+
+
+def played_perturbation(path: Path, hold_m: Array, link_lengths_m: tuple[float, float]) -> Perturbation:
+    """The forces of a CSV with the columns t (s), fdx and fdy (N), one row per 2 ms.
+
+    Raises:
+        ValueError: the file cannot be read, lacks a column, or has another rate.
+    """
+    try:
+        table = np.genfromtxt(path, delimiter=",", names=True)
+    except OSError as error:
+        raise ValueError(f"{path}: cannot be read ({error.strerror})") from None
+    names = table.dtype.names or ()
+    if not {"t", "fdx", "fdy"} <= set(names) or table.ndim != 1 or table.size < 2:
+        raise ValueError(f"{path}: needs the columns t, fdx, fdy")
+    force = np.stack([table["fdx"], table["fdy"]], axis=1)
+    if not np.all(np.isfinite(force)):
+        raise ValueError(f"{path}: a force is not a number")
+    if np.max(np.abs(np.diff(table["t"]) * RATE_HZ - 1.0)) > 1e-3:
+        raise ValueError(f"{path}: needs {RATE_HZ:g} rows a second")
+    return Perturbation(hold_m, force, link_lengths_m)
 
 
 def random_perturbation(

@@ -38,7 +38,11 @@ def load(name_or_path: str) -> Scenario:
         shipped = ", ".join(names())
         raise SimError(f"{name_or_path}: no such scenario; name a TOML file or one of {shipped}") from None
     try:
-        scenario = Scenario.model_validate(tomllib.loads(text))
+        content = tomllib.loads(text)
+        for one in content.get("trials", []):
+            if isinstance(one, dict) and "command_csv" in one:
+                one["command_csv"] = str(path.parent / str(one["command_csv"]))
+        scenario = Scenario.model_validate(content)
         for one in scenario.effects:
             catalogue.entry(one.effect, one.places, one.trials, one.values)
     except tomllib.TOMLDecodeError as error:

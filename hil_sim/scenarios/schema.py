@@ -202,6 +202,7 @@ class PerturbationTable(_Table):
     kp_N_per_m: tuple[NotNegative, NotNegative] = (100.0, 100.0)
     kd_Ns_per_m: tuple[NotNegative, NotNegative] = (5.0, 5.0)
     velocity_cutoff_Hz: Positive = 20.0
+    alike: bool = False  # the same forces in every trial, as [P]'s test of repeatability presumes
 
 
 class Motions(_Table):
@@ -239,9 +240,12 @@ class Trial(_Table):
     duration_s: Annotated[float, Field(gt=0.0, le=86400.0)] = 50.0
     robot_zero_s: float = 0.0
     note: str = ""
+    command_csv: str | None = None  # perturbation to play, columns fdx, fdy (N) at 500 rows a second
 
     @model_validator(mode="after")
     def _load_fits_kind(self) -> "Trial":
+        if self.command_csv is not None and self.kind != "stochastic":
+            raise ValueError("command_csv is for stochastic trials: remove it")
         if self.kind == "free" and self.load is not None:
             raise ValueError("a free trial has nothing on the end-effector: remove load, or change kind")
         if self.kind != "free" and self.load is None:

@@ -10,7 +10,8 @@ from impid_host.impedance.constrained import Constrained
 from impid_host.impedance.identify import LoadFit, RobotFit, RobotParameters
 from impid_host.impedance.joint_space import JointImpedance
 from impid_host.impedance.matrices import Quantity
-from impid_host.impedance.stochastic import SpectralFit
+from impid_host.impedance.periodic import Periodic
+from impid_host.impedance.stochastic import SpectralFit, quantities_of
 from impid_host.signals.align import AlignedTrial
 from impid_host.signals.arrays import Floats
 
@@ -126,7 +127,12 @@ def _spectral(fit: SpectralFit) -> Json:
     both = fit.against
     return {name: _quantity(getattr(fit, name)) for name in "MBK"} | {
         "estimate": "derived" if fit.estimate.derived is not None else "direct",
+        "window": fit.setting,
         "segments": fit.estimate.segments,
+        "as_published": {
+            name: _quantity(quantity)
+            for name, quantity in zip("MBK", quantities_of(fit.estimate.best.fit), strict=True)
+        },
         "agreement": [
             {
                 "upper_Hz": part.upper_Hz,
@@ -143,7 +149,36 @@ def _spectral(fit: SpectralFit) -> Json:
                 for name, a, b, z in zip(both.names, both.first, both.second, both.z, strict=True)
             },
         },
+        "periodic": None if fit.periodic is None else _periodic(fit.periodic),
         "trials": list(fit.trials),
+    }
+
+
+def _periodic(found: Periodic) -> Json:
+    part = found.compliance
+    return {
+        "verdict": part.verdict,
+        "period_s": found.period_s,
+        "realisations": part.realisations,
+        "periods": part.periods,
+        "frequency_Hz": part.frequency_Hz.tolist(),
+        "compliance_m_per_N": {"real": part.G.real.tolist(), "imag": part.G.imag.tolist()},
+        "noise_sd": part.noise_sd.tolist(),
+        "total_sd": part.total_sd.tolist(),
+        "distortion_sd": part.distortion_sd.tolist(),
+        "p_value": part.p_value,
+        "distortion": [
+            {
+                "verdict": level.verdict,
+                "excited_m": level.excited,
+                "odd_m": level.odd,
+                "even_m": level.even,
+                "noise_m": level.noise,
+                "p_odd": level.p_odd,
+                "p_even": level.p_even,
+            }
+            for level in found.distortion
+        ],
     }
 
 

@@ -110,6 +110,13 @@ def spectral_table(fits: Sequence[SpectralFit]) -> Table:
         for fit in fits
         for agreement in fit.estimate.best.agreement
     ]
+    for fit in fits:
+        if fit.periodic is not None:
+            words.append(f"{_METHODS[fit.method]}, periodic perturbation: {fit.periodic.compliance}")
+            words += [
+                f"{_METHODS[fit.method]}, along {axis}: {level}"
+                for axis, level in zip("xy", fit.periodic.distortion, strict=True)
+            ]
     table = _table(
         f"Load {first.load} ({first.on}), {len(first.trials)} stochastic trial(s), full matrices, +- 95 %",
         "\n".join(words),

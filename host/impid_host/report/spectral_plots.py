@@ -14,6 +14,7 @@ from matplotlib.figure import Figure
 from impid_host.errors import UndeterminedError
 from impid_host.impedance.spectral.agreement import Agreement
 from impid_host.impedance.spectral.arrays import Complexes, Floats
+from impid_host.impedance.spectral.distortion import DistortionLevels
 from impid_host.impedance.spectral.estimate import SpectralEstimate
 from impid_host.impedance.spectral.second_order import second_order_impedance
 
@@ -167,6 +168,75 @@ def ellipse_figure(stiffness: Mapping[str, Floats], title: str = "") -> Figure:
             panel.set_axis_off()
         figure.supxlabel("x (N/m)")
         figure.supylabel("y (N/m)")
+        figure.suptitle(title)
+    return figure
+
+
+def detection_figure(
+    results: Mapping[str, Sequence[DistortionLevels]], period_s: float, axis: int = 0, title: str = ""
+) -> Figure:
+    """Displacement at the excited lines of a multisine, and what the force does not explain at the others.
+
+    Args:
+        results: by label, the levels of each axis.
+        period_s: of the multisine.
+        axis: which one to draw.
+        title: of the figure.
+    """
+    kinds = (("excited", 0, 3), ("odd, not excited", 1, 1), ("even", 2, 2))
+    with mpl.rc_context(STYLE):
+        columns = min(2, len(results))
+        rows = -(-len(results) // columns)
+        figure = Figure(figsize=(WIDTH_IN, 2.3 * rows))
+        panels = np.atleast_1d(figure.subplots(rows, columns, sharex=True, sharey=True)).ravel()
+        for panel, (label, by_axis) in zip(panels, results.items(), strict=False):
+            level = by_axis[axis]
+            frequency = level.line / period_s
+            for name, kind, colour in kinds:
+                own = level.kind == kind
+                panel.semilogy(
+                    frequency[own],
+                    1e3 * level.amplitude[own],
+                    linestyle="none",
+                    marker=MARKERS[kind],
+                    markersize=2.5,
+                    color=COLOURS[colour] if kind else MODEL_COLOUR,
+                    label=name,
+                )
+            panel.semilogy(frequency, 1e3 * level.line_noise, color="#000000", linewidth=0.7, label="noise")
+            panel.set_title(label, loc="left")
+        for panel in panels[len(results) :]:
+            panel.set_axis_off()
+        figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=4)
+        figure.supxlabel("frequency (Hz)")
+        figure.supylabel(f"{AXES[axis]} (mm per line)")
+        figure.suptitle(title)
+    return figure
+
+
+def input_coherence_figure(
+    results: Mapping[str, tuple[Floats, Floats]], levels: Mapping[str, float], title: str = ""
+) -> Figure:
+    """Ordinary coherence between the two interaction forces for several perturbations, one panel each.
+
+    Args:
+        results: by label, frequency (Hz) and coherence, shape (n_f,) each.
+        levels: by label, its mean, written into the panel.
+        title: of the figure.
+    """
+    with mpl.rc_context(STYLE):
+        columns = min(2, len(results))
+        rows = -(-len(results) // columns)
+        figure = Figure(figsize=(WIDTH_IN, 1.9 * rows))
+        panels = np.atleast_1d(figure.subplots(rows, columns, sharex=True, sharey=True)).ravel()
+        for panel, (label, (frequency, coherence)) in zip(panels, results.items(), strict=False):
+            panel.plot(frequency, coherence, color=COLOURS[0])
+            panel.set_title(f"{label}: mean {levels[label]:.2f}", loc="left")
+            panel.set_ylim(0, 1.02)
+        for panel in panels[len(results) :]:
+            panel.set_axis_off()
+        figure.supxlabel("frequency (Hz)")
+        figure.supylabel(r"$\gamma^2$ between $F_x$ and $F_y$")
         figure.suptitle(title)
     return figure
 

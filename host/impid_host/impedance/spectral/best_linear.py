@@ -129,13 +129,13 @@ def _excess_p_value(total: Floats, noise: Floats, M: int, P: int) -> float:
     """
     n_f, n_y, _ = total.shape
     ratio = float(np.sum(total) / np.sum(noise)) if np.sum(noise) > 0 else np.inf
-    effective = _effective_count(noise)
+    effective = effective_count(noise)
     return float(
         scipy.stats.f.sf(ratio, 2 * (M - 1) * effective, 2 * M * (P - 1) * min(effective, n_f * n_y))
     )
 
 
-def _effective_count(variance: Floats) -> float:
+def effective_count(variance: Floats) -> float:
     """How many equally strong variances a sum of unequal ones is worth, (sum v)^2 / sum v^2, at least one."""
     total = float(np.sum(variance**2))
     return max(1.0, float(np.sum(variance)) ** 2 / total) if total > 0 else 1.0

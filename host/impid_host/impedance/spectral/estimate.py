@@ -344,5 +344,7 @@ def _checks(
     ]
     if several:
         both = tuple(np.concatenate([t.force, t.displacement], axis=1) for t in trials)
-        checks.append(repeatability(both, tuple(f"F_{a}" for a in axes) + axes))
+        commands = tuple(t.perturbation for t in trials if t.perturbation is not None)
+        known = commands if len(commands) == len(trials) else None
+        checks.append(repeatability(both, tuple(f"F_{a}" for a in axes) + axes, known))
     return tuple(checks)

@@ -16,10 +16,10 @@ import numpy as np
 import scipy.stats
 
 from impid_host.impedance.spectral.arrays import Complexes, Floats
-from impid_host.impedance.spectral.loop import Spectrum, displacement, dynamic_stiffness
+from impid_host.impedance.spectral.loop import Spectrum, dynamic_stiffness
 from impid_host.impedance.spectral.second_order import SecondOrderFit
 from impid_host.impedance.spectral.transforms import Sampling, Transforms, segment_transforms
-from impid_host.impedance.spectral.weighted_fit import Density, WeightedFit
+from impid_host.impedance.spectral.weighted_fit import WeightedFit
 
 _SEED = 2007
 
@@ -53,9 +53,10 @@ def with_intervals(
         slope_covariance: (k, k), of the parameters behind `Transforms.slope`; drawn anew in each surrogate.
     """
     rng = np.random.default_rng(_SEED)
+    plans = {samples: _Plan.of(samples, loop, sampling) for samples in {trial.samples for trial in trials}}
     found = np.array(
         [
-            _vector(refit([_surrogate(rng, trial, loop, sampling, shift) for trial in trials]))
+            _vector(refit([_surrogate(rng, t, plans[t.samples], loop, sampling, shift) for t in trials]))
             for shift in _shifts(rng, slope_covariance, count)
         ]
     )
@@ -78,34 +79,66 @@ def _shifts(rng: np.random.Generator, covariance: Floats | None, count: int) -> 
     return list(rng.multivariate_normal(np.zeros(len(covariance)), covariance, count, method="eigh"))
 
 
+@dataclass(frozen=True, slots=True)
+class _Plan:
+    """What the surrogates of one trial share: (n_f, n, n) each but `top`, the first frequency left out.
+
+    Attributes:
+        root: square root of the power of the load's own force per DFT bin, N.
+        load: dynamic stiffness of the load, N/m.
+        compliance: of load and robot together, or of the load where the robot is unknown, m/N.
+    """
+
+    spectrum: Spectrum
+    top: int
+    root: Complexes
+    load: Complexes
+    compliance: Complexes
+
+    @staticmethod
+    def of(samples: int, loop: Loop, sampling: Sampling) -> "_Plan":
+        spectrum = Spectrum.of(samples, sampling.fs)
+        # Nothing is asked of frequencies far beyond the band.
+        top = int(np.searchsorted(spectrum.f, 1.2 * sampling.frequency_Hz[-1]))
+        value, vector = np.linalg.eigh(loop.load.residual.at(spectrum.f[:top]))
+        # A one-sided density S gives DFT bins of power S fs n_fft / 2, half of it in either part.
+        root = (
+            vector * np.sqrt(np.clip(value, 0.0, None) * 0.25 * sampling.fs * spectrum.n_fft)[:, np.newaxis]
+        )
+        root[0] = 0.0
+        load = dynamic_stiffness(loop.load.fit, spectrum.f)
+        whole = load if loop.robot is None else load + dynamic_stiffness(loop.robot, spectrum.f)
+        return _Plan(spectrum, top, root, load, np.asarray(np.linalg.inv(whole)))
+
+    def own_force(self, rng: np.random.Generator) -> Complexes:
+        """Of the load, beyond M, B and K, shape (n_f, n)."""
+        z = rng.standard_normal((2, *self.root.shape[:2]))
+        own = np.zeros((len(self.spectrum.f), self.root.shape[1]), dtype=np.complex128)
+        own[: self.top] = _apply(self.root, z[0] + 1j * z[1])
+        return own
+
+
+def _apply(matrix: Complexes, vector: Complexes) -> Complexes:
+    return np.asarray((matrix @ vector[:, :, np.newaxis])[:, :, 0])
+
+
 def _surrogate(
-    rng: np.random.Generator, trial: Transforms, loop: Loop, sampling: Sampling, shift: Floats | None
+    rng: np.random.Generator,
+    trial: Transforms,
+    plan: _Plan,
+    loop: Loop,
+    sampling: Sampling,
+    shift: Floats | None,
 ) -> Transforms:
-    spectrum = Spectrum.of(trial.samples, sampling.fs)
-    # Nothing is asked of frequencies far beyond the band.
-    top = int(np.searchsorted(spectrum.f, 1.2 * sampling.frequency_Hz[-1]))
-    own = np.zeros((len(spectrum.f), trial.F.shape[2]), dtype=np.complex128)
-    own[1:top] = _noise(rng, loop.load.residual, spectrum.f[1:top], spectrum.n_fft * sampling.fs)
+    own = plan.own_force(rng)
     fit = loop.load.fit
-    load = dynamic_stiffness(fit, spectrum.f)
-
-    def windowed(signal: Complexes) -> Complexes:
-        return segment_transforms(spectrum.back(signal), sampling)
-
     drift = 0.0 if shift is None or trial.slope is None else segment_transforms(trial.slope @ shift, sampling)
     if trial.command is None or loop.robot is None:
         model = trial.d @ fit.K.T + trial.v @ fit.B.T + trial.a @ fit.M.T
-        return replace(trial, F=model + drift, d=trial.d - windowed(displacement(load, own)))
-    p = spectrum.forward(trial.command)
-    d = displacement(load + dynamic_stiffness(loop.robot, spectrum.f), p - own)
-    F = np.einsum("fij,fj->fi", load, d) + own
-    return replace(trial, F=windowed(F) + drift, d=windowed(d), p=windowed(p))
-
-
-def _noise(rng: np.random.Generator, density: Density, f: Floats, fs_n: float) -> Complexes:
-    """DFT bins of Gaussian noise with the one-sided density, whose power is S fs n / 2, shape (n_f, n)."""
-    S = density.at(f)
-    value, vector = np.linalg.eigh(S)
-    root = vector * np.sqrt(np.clip(value, 0.0, None))[:, np.newaxis, :]
-    z = rng.standard_normal((2, *S.shape[:2])) * np.sqrt(0.25 * fs_n)
-    return np.asarray(np.einsum("fij,fj->fi", root, z[0] + 1j * z[1]))
+        moved = segment_transforms(plan.spectrum.back(_apply(plan.compliance, own)), sampling)
+        return replace(trial, F=model + drift, d=trial.d - moved)
+    d = _apply(plan.compliance, plan.spectrum.forward(trial.command) - own)
+    signals = plan.spectrum.back(np.concatenate([_apply(plan.load, d) + own, d], axis=1))
+    both = segment_transforms(signals, sampling)
+    n = d.shape[1]
+    return replace(trial, F=both[:, :, :n] + drift, d=both[:, :, n:])

@@ -151,7 +151,9 @@ def segment_transforms(x: Floats, sampling: Sampling) -> Complexes:
 def pooled(a: Sequence[Complexes], b: Sequence[Complexes]) -> Complexes:
     """One-sided cross-spectra S_ab = E[A B^H] over all segments of all trials, shape (n_f, n_a, n_b)."""
     segments = sum(len(part) for part in a)
-    total = sum(np.einsum("sfi,sfj->fij", A, np.conj(B)) for A, B in zip(a, b, strict=True))
+    total = sum(
+        np.transpose(A, (1, 2, 0)) @ np.conj(np.transpose(B, (1, 0, 2))) for A, B in zip(a, b, strict=True)
+    )
     return np.asarray(total * (2.0 / segments))
 
 
