@@ -20,10 +20,11 @@ from impid_host.diagnosis.refit import Refit
 from impid_host.diagnosis.repeats import Repeat, repeats
 from impid_host.diagnosis.result import Floor
 from impid_host.diagnosis.rows import Index, Run, build_runs
+from impid_host.diagnosis.whiten import autoregression
 from impid_host.effects.view import ANGLE, View
 from impid_host.signals.arrays import Floats
-from impid_host.signals.chain import PUBLISHED_CUTOFF_HZ
 
+_ROUNDS = 3
 _EDGE_S = 0.3  # where the narrow filter has not settled
 ADXL203_NOISE = 110e-6 * 9.80665  # m/s^2/sqrt(Hz), data sheet: at rest, it can be no less
 RATED_HZ = 1000.0  # of logs in the study format
@@ -79,7 +80,7 @@ def _repeated(repeat: Repeat, step_s: float) -> _Noise | None:
     by_family = {}
     place = repeat.place
     for family, values in repeat.by_family.items():
-        narrow = _narrow(values, step_s)
+        narrow = _narrow(values, step_s, repeat.view.report_hz)
         if narrow is None:
             return None
         by_family[family] = narrow[0]
@@ -90,13 +91,13 @@ def _repeated(repeat: Repeat, step_s: float) -> _Noise | None:
 def _specified(view: View, resolution: Mapping[str, Floats]) -> _Noise:
     """Rounding is white up to half the rate of the log, which is no slower than the view's."""
     place = np.arange(0, len(view.t), 50)
-    band = np.sqrt(2 * PUBLISHED_CUTOFF_HZ / max(view.rate_hz, RATED_HZ))
+    band = np.sqrt(2 * view.report_hz / max(view.rate_hz, RATED_HZ))
     by_family = {
         family: np.tile(step / np.sqrt(12.0) * band, (len(place), 1)) for family, step in resolution.items()
     }
     by_family.setdefault("torque", np.zeros((len(place), view.joints)))
     if view.measured is not None:
-        by_family["specific_force"] = np.full((len(place), 2), ADXL203_NOISE * np.sqrt(PUBLISHED_CUTOFF_HZ))
+        by_family["specific_force"] = np.full((len(place), 2), ADXL203_NOISE * np.sqrt(view.report_hz))
     if view.force is None or view.load is None:
         by_family.pop("force", None)
     return _Noise(view, place, by_family)
@@ -114,27 +115,27 @@ def _noise(
     by_key: dict[tuple[str, int], list[tuple[Run, Floats, Floats]]] = {}
     keep = [k for k in columns if k >= base.size]
     trials = sorted({run.trial for run in plain})
+    report = fit.views[0].report_hz
     for run in plain:
         other = extra.get(_name(run))
         if run.family == ANGLE or other is None or len(other.target) != len(run.target):
             continue
         hum = _hum(run, trials, lines_Hz)
-        narrow = _narrow(np.column_stack([run.target, run.design, other.design[:, keep], hum]), run.step_s)
+        narrow = _narrow(
+            np.column_stack([run.target, run.design, other.design[:, keep], hum]), run.step_s, report
+        )
         if narrow is not None:
             by_key.setdefault(run.key, []).append((run, narrow[0], run.begin_s + narrow[1]))
     left: dict[str, dict[tuple[str, int], list[Floats]]] = {}
     for key, parts in by_key.items():
-        stacked = np.concatenate([rows for _, rows, _ in parts])
-        residual, leverage = _residual(stacked[:, 0], stacked[:, 1:], parts[0][0].step_s)
-        held = np.concatenate([np.full(len(rows), run.part == "validation") for run, rows, _ in parts])
-        share = float(np.mean(leverage[held])) if held.any() else 0.0
-        residual = residual / np.sqrt(max(1.0 - share, 0.1))
-        first = 0
-        for run, rows, place in parts:
-            own = residual[first : first + len(rows)]
-            first += len(rows)
-            if run.part == "validation":
-                left.setdefault(run.trial, {}).setdefault(key, []).append(np.column_stack([place, own]))
+        series = _residuals([rows for _, rows, _ in parts])
+        held = [k for k, (run, _, _) in enumerate(parts) if run.part == "validation"]
+        got = sum(float(residual @ residual) for residual, _ in (series[k] for k in held))
+        had = sum(float(np.sum(squares)) for _, squares in (series[k] for k in held))
+        for k in held:
+            run, _, place = parts[k]
+            own = series[k][0] * np.sqrt(had / max(got, 1e-300))
+            left.setdefault(run.trial, {}).setdefault(key, []).append(np.column_stack([place, own]))
     views = {view.name: view for view in fit.views}
     return [_of_trial(views[trial], channels) for trial, channels in left.items()]
 
@@ -166,28 +167,58 @@ def _name(run: Run) -> tuple[str, str, int, str, float]:
     return (run.trial, run.family, run.channel, run.part, round(run.begin_s, 6))
 
 
-def _narrow(rows: Floats, step_s: float) -> tuple[Floats, Floats] | None:
+def _narrow(rows: Floats, step_s: float, cutoff_hz: float) -> tuple[Floats, Floats] | None:
     """The rows in the band that is reported, without their ends; and their times since the run began."""
     edge = round(_EDGE_S / step_s)
     if len(rows) < 4 * edge + 30:
         return None
     used = np.any(rows != 0, axis=0)
-    sos = signal.butter(5, PUBLISHED_CUTOFF_HZ, fs=1 / step_s, output="sos")
+    sos = signal.butter(5, cutoff_hz, fs=1 / step_s, output="sos")
     result = np.zeros_like(rows)
     result[:, used] = signal.sosfiltfilt(sos, rows[:, used], axis=0)
-    inside = slice(edge, len(rows) - edge)
+    inside = slice(edge, len(rows) - edge, max(1, int(1 / (2.2 * cutoff_hz * step_s))))
     return result[inside], np.asarray(step_s * np.arange(len(rows))[inside], dtype=np.float64)
 
 
-def _residual(target: Floats, design: Floats, step_s: float) -> tuple[Floats, Floats]:
-    """Residual (N,) of a least-squares fit, and the leverage of each row for noise of the band, (N,)."""
-    size = np.linalg.norm(design, axis=0)
-    used = size > 1e-12 * size.max()
-    U, s, _ = np.linalg.svd(design[:, used] / size[used], full_matrices=False)
-    U = U[:, s > 1e-7 * s[0]]
-    # Rows are denser than the band asks for: noise has 2 * cut-off independent values a second.
-    independent = min(1.0, 2 * PUBLISHED_CUTOFF_HZ * step_s)
-    return target - U @ (U.T @ target), np.sum(U**2, axis=1) / independent
+def _residuals(parts: Sequence[Floats]) -> list[tuple[Floats, Floats]]:
+    """Of stretches [target | columns]: residual (N,), and squares to expect of the noise behind it, (N,).
+
+    Generalised least squares with an autoregressive noise: slow noise is not mistaken for what the columns
+    explain. Of the noise n the fit leaves n - X d, cov(d) = C, and E[(n - X d)^2] = E[n^2] - diag(X C X^T).
+    """
+    width = parts[0].shape[1]
+    stacked = np.concatenate(parts)
+    size = np.linalg.norm(stacked[:, 1:], axis=0)
+    used = np.append(0, 1 + np.flatnonzero(size > 1e-12 * size.max(initial=0.0))) if width > 1 else [0]
+    size = np.append(1.0, size)[used]
+    parts = [part[:, used] / size for part in parts]
+    taps = np.ones(1)
+    for _ in range(_ROUNDS):
+        white = np.concatenate([_filtered(part, taps) for part in parts])
+        U, s, Vt = np.linalg.svd(white[:, 1:], full_matrices=False)
+        good = s > 1e-7 * s[0]
+        root = Vt[good].T / s[good]
+        value = root @ (U[:, good].T @ white[:, 0])
+        left = white[:, 0] - white[:, 1:] @ value
+        variance = float(left @ left) / max(len(left) - int(good.sum()), 1)
+        residuals = [part[:, 0] - part[:, 1:] @ value for part in parts]
+        squares = [
+            residual**2 + variance * np.sum((part[:, 1:] @ root) ** 2, axis=1)
+            for residual, part in zip(residuals, parts, strict=True)
+        ]
+        inflated = [
+            residual * np.sqrt(np.sum(own) / max(float(residual @ residual), 1e-300))
+            for residual, own in zip(residuals, squares, strict=True)
+        ]
+        taps = autoregression(inflated, 0.0)
+    return list(zip(residuals, squares, strict=True))
+
+
+def _filtered(rows: Floats, taps: Floats) -> Floats:
+    lost = len(taps) - 1
+    if len(rows) <= lost:
+        return rows[:0]
+    return np.asarray(sum(tap * rows[lost - k : len(rows) - k] for k, tap in enumerate(taps)))
 
 
 def _propagated(noise: _Noise, fit: Refit, base: Base, *, free: bool) -> dict[str, Floats]:

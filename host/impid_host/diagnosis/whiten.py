@@ -33,7 +33,7 @@ def noise_models(runs: Sequence[Run], columns: Sequence[int], floors: dict[str, 
         lost = min(int(used.sum()), len(target) // 2)
         inflate = np.sqrt(len(target) / max(len(target) - lost, 1))
         cuts = np.cumsum([len(run.target) for run in own])[:-1]
-        taps[key] = _taps(np.split(residual * inflate, cuts), floors.get(key[0], 0.0))
+        taps[key] = autoregression(np.split(residual * inflate, cuts), floors.get(key[0], 0.0))
     return taps
 
 
@@ -53,7 +53,7 @@ def whitened(runs: Sequence[Run], taps: Taps) -> list[Run]:
     return mapped(runs, change)
 
 
-def _taps(residuals: Sequence[Floats], floor: float) -> Floats:
+def autoregression(residuals: Sequence[Floats], floor: float) -> Floats:
     """AR by Yule-Walker, order by AICc; taps over the innovation's standard deviation."""
     count = sum(len(r) for r in residuals)
     highest = max(0, min(_HIGHEST_ORDER, count // 25, min(len(r) for r in residuals) // 4))

@@ -149,9 +149,10 @@ def _drift(setting: Setting) -> Iterator[Candidate]:
 
 
 def _retimed(view: View, degrees: tuple[int, ...], beta: Floats) -> View:
-    late = sum((b * lateness(view, k) for b, k in zip(beta, degrees, strict=True)), np.zeros_like(view.t))
     if view.theta_robot is None:
         return view
+    late = sum((b * lateness(view, k) for b, k in zip(beta, degrees, strict=True)), np.zeros_like(view.t))
+    late = late + _line_left(view, advanced(view.theta_robot, view.t, late))
     force = None if view.force is None else advanced(view.force, view.t, late)
     return replace(
         view,
@@ -159,6 +160,23 @@ def _retimed(view: View, degrees: tuple[int, ...], beta: Floats) -> View:
         theta_robot=advanced(view.theta_robot, view.t, late),
         force=force,
     )
+
+
+def _line_left(view: View, theta_robot: Floats) -> Floats:
+    """Lateness that the match of the clocks, disturbed by the drift, has left: offset and rate, s, (N,)."""
+    u = 2 * view.t / view.t[-1] - 1
+    rows = view.valid
+    blocks, targets = [], []
+    for joint in range(theta_robot.shape[1]):
+        w = -view.omega[:, joint]
+        level = np.zeros((len(u), theta_robot.shape[1]))
+        level[:, joint] = 1.0
+        blocks.append(np.column_stack([w, w * u, level])[rows])
+        targets.append((theta_robot[:, joint] - view.theta[:, joint])[rows])
+    design = np.concatenate(blocks)
+    size = np.linalg.norm(design, axis=0) + 1e-300
+    value = np.linalg.lstsq(design / size, np.concatenate(targets), rcond=1e-10)[0] / size
+    return np.asarray(value[0] + value[1] * u, dtype=np.float64)
 
 
 EFFECTS = (
