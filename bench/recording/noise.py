@@ -12,12 +12,12 @@ import numpy as np
 from common import save
 from impid_host.wire.decoder import SerialDecoder
 from impid_host.wire.frame import encode_command
-from impid_host.wire.messages import OPCODE
+from impid_host.wire.messages import ITEM, OPCODE
 
 from hil_sim.board.native import BoardConfig, NativeBoard
 
 PIECE = 2000  # ticks
-ROUND = 1 << 20
+COMMANDS = 2000
 
 
 def damage(rng: np.random.Generator, frame: bytearray, kind: int) -> bytearray:
@@ -83,38 +83,57 @@ def decoder_part(total: int) -> dict[str, int | float]:
     }
 
 
-def parser_part(total: int) -> dict[str, int]:
+def parser_part(total: int) -> dict[str, int | float]:
+    """Commands as damaged, in pieces of 2000: what is answered must have been asked, and all that was whole is.
+
+    Every command begins with a delimiter, as the host sends it, so a damaged one cannot take the next along.
+    """
     rng = np.random.default_rng(6)
-    board = NativeBoard(BoardConfig(boot_id=9, serial_bytes_per_ms=0))
+    board, decoder = NativeBoard(BoardConfig(boot_id=9, serial_bytes_per_ms=0)), SerialDecoder()
     adc, still = np.full((1, 8, 2), 2048, dtype=np.uint16), np.zeros((1, 2), dtype=np.int32)
-    fed = number = asked = 0
-    answered = 0
-    decoder = SerialDecoder()
+    intact = [b"\0" + encode_command(number, OPCODE["INFO"], ITEM["BOOT_ID"]) for number in range(1 << 16)]
+    fed = number = asked = answered = foreign = unanswered = undone = 0
+    began = time.perf_counter()
     while fed < total:
-        stream = bytearray()
-        for _ in range(4):
+        pieces, whole = [], []
+        damaged = rng.random(COMMANDS) < 0.75
+        for spoil in damaged.tolist():
             number = (number + 1) % (1 << 16)
-            piece = bytearray(b"\0" + encode_command(number, OPCODE["STATUS"]))
-            if rng.random() < 0.75:
-                piece = damage(rng, piece, int(rng.integers(0, 4)))
+            if spoil:
+                pieces.append(bytes(damage(rng, bytearray(intact[number]), int(rng.integers(0, 4)))))
             else:
-                asked += 1
-            stream += piece
+                pieces.append(intact[number])
+                whole.append(number)
+        stream = b"".join(pieces)
         fed += len(stream)
-        board.serial_receive(bytes(stream), board.now_us)
+        asked += len(whole)
+        board.serial_receive(stream, board.now_us)
         board.run(adc, still)
-        decoded = decoder.feed(board.serial_take())
-        answered += sum(r.opcode == OPCODE["STATUS"] and r.result == 0 for r in decoded.responses)
+        answers = list(decoder.feed(board.serial_take()).responses)
+        answered += len(answers)
+        ours = {(number - n) % (1 << 16) for n in range(COMMANDS + 1)}  # one may end with the next piece
+        told = [r.request_id for r in answers]
+        foreign += sum(
+            r.opcode != OPCODE["INFO"] or r.result != 0 or r.value != 9 or r.request_id not in ours
+            for r in answers
+        )
+        missing = set(whole) - set(told)
+        unanswered += len(missing)
+        undone += len(told) - (len(whole) - len(missing))
     return {
         "bytes": fed,
         "intact_commands": asked,
         "answers": answered,
+        "unanswered": unanswered,
+        "of_damage_undone": undone,
+        "foreign_answers": foreign,
         "bad_frames_of_the_board": decoder.counts.bad_frames,
+        "took_s": round(time.perf_counter() - began, 1),
     }
 
 
 def main(total: int = 100_000_000) -> None:
-    save("noise", decoder=decoder_part(total), parser=parser_part(total // 10))
+    save("noise", decoder=decoder_part(total), parser=parser_part(total))
 
 
 if __name__ == "__main__":

@@ -38,6 +38,7 @@ from hil_sim.serve.session import ServeOptions, serve
 @click.option("--link", type=FILE, help="pty, slcan: also make a symbolic link of this name to the terminal.")
 @click.option("--setup", "setup_file", type=FILE, help="Write the laboratory's setup.toml here.")
 @click.option("--truth", "truth_file", type=FILE, help="Write what is hidden here when the motion starts.")
+@click.option("--flash", "flash_file", type=FILE, help="Keep the board's stored settings in this file.")
 @ELF
 @click.option("--until-stdin-closes", is_flag=True, help="End when whoever started this is gone.")
 def command(
@@ -51,6 +52,7 @@ def command(
     link: Path | None,
     setup_file: Path | None,
     truth_file: Path | None,
+    flash_file: Path | None,
     binary: Path | None,
     until_stdin_closes: bool,
 ) -> None:
@@ -65,6 +67,7 @@ def command(
       impid-sim serve first-light --trial free_01 --robot-log free_01.csv
       impid-sim serve first-light --carrier tcp --address 127.0.0.1:4000
       impid-sim serve first-light --carrier slcan --link /tmp/can-adapter
+      impid-sim serve first-light --link /tmp/board --flash board.flash
     """
     loaded = load(scenario)
     if until_stdin_closes:
@@ -79,6 +82,7 @@ def command(
             robot_log=robot_log,
             setup_file=setup_file,
             truth_file=truth_file,
+            flash_file=flash_file,
             binary=binary,
         ),
     )

@@ -14,8 +14,9 @@ from pathlib import Path
 from types import FrameType
 
 from hil_sim.board import layout
+from hil_sim.board.flash_file import open_flash
 from hil_sim.board.make import maker
-from hil_sim.board.native import TICK_US, BoardConfig
+from hil_sim.board.native import TICK_US, BoardConfig, new_flash
 from hil_sim.errors import SimError
 from hil_sim.faults.injectors import BOOT_US, Rig
 from hil_sim.faults.readings import FaultyReadings
@@ -53,6 +54,7 @@ class ServeOptions:
     robot_log: Path | None
     setup_file: Path | None
     truth_file: Path | None
+    flash_file: Path | None = None
     binary: Path | None = None  # an ELF file to run in the emulator instead of the native core
 
 
@@ -89,11 +91,16 @@ class _Session:
         bytes_per_ms = scenario.world.serial.bytes_per_ms
         self._power = PoweredBoard(
             BoardConfig(
-                start_us=FIRST_US, serial_bytes_per_ms=bytes_per_ms, can_frames_per_ms=CAN_FRAMES_PER_MS
+                start_us=FIRST_US,
+                serial_bytes_per_ms=bytes_per_ms,
+                can_frames_per_ms=CAN_FRAMES_PER_MS,
+                flash=new_flash() if options.flash_file is None else open_flash(options.flash_file),
             ),
             maker(options.binary),
         )
         self._readings = FaultyReadings()
+        if options.binary is not None and options.flash_file is not None:
+            raise SimError("--flash: the emulated chip keeps its own flash; leave --elf or --flash away")
         restarts = [fault.kind for fault in scenario.faults if isinstance(fault, RESTARTS)]
         if options.binary is not None and restarts:
             raise SimError(f"fault {restarts[0]}: the emulated chip has no such input; leave --elf away")

@@ -25,6 +25,7 @@ from impid_host.wire.messages import SAMPLE_PERIOD_US, choices
 
 _SELF_TEST = {number: name for name, number in choices("STATUS_HEALTH", "self_test").items()}
 _RESET = {number: name for name, number in choices("STATUS_HEALTH", "reset_cause").items()}
+_CLOCK = {number: name for name, number in choices("STATUS_HEALTH", "clock_source").items()}
 _HEXADECIMAL = frozenset(f"fault_{name}" for name in ("pc", "lr", "psr", "cfsr", "hfsr", "address"))
 _STATE = {number: name for name, number in choices("STATUS_HEALTH", "state").items()}
 
@@ -66,15 +67,23 @@ def info(*, port: str | None, can: str | None, baud: int | None, as_json: bool) 
     values = asdict(board) | {"uid": f"{board.uid_0:08x}-{board.uid_1:08x}-{board.uid_2:08x}"}
     values = {name: value for name, value in values.items() if not name.startswith("uid_")}
     values |= {"reset_cause": _RESET.get(board.reset_cause, board.reset_cause)}
+    values |= {"clock_source": _CLOCK.get(board.clock_source, board.clock_source)}
+    values |= {"firmware_version": _version(board.firmware_version)}
     states = {"state": _STATE.get(status.state, status.state)}
     states |= {"self_test": _SELF_TEST.get(status.self_test, status.self_test)}
-    counters = {k: v for k, v in asdict(status).items() if k not in ("boot_id", "t_us", "reset_cause")}
+    counters = {
+        k: v for k, v in asdict(status).items() if k not in ("boot_id", "t_us", "reset_cause", "clock_source")
+    }
     for title, entries in (("board", values), ("status", counters | states), ("settings", settings)):
         click.echo(f"{title}:")
         for name, value in entries.items():
             click.echo(f"  {name:18} {value}")
         if not entries:
             click.echo("  none: the firmware of this board keeps no settings")
+
+
+def _version(number: int) -> str:
+    return f"{number >> 16}.{number >> 8 & 255}.{number & 255}"
 
 
 @command.command("self-test")
@@ -137,14 +146,18 @@ def log(*, port: str | None, can: str | None, baud: int | None) -> None:
       impid-host device log --port auto
     """
     with _board(port, can, baud) as client:
-        record = client.fault_record()
+        record, last = client.fault_record(), client.last_stream()
     if not record:
         click.echo("the firmware of this board keeps no fault record")
     elif not record[FAULT_RECORD[0].lower()]:
-        click.echo("no fault since the board was first programmed")
+        click.echo("no fault since its power came")
     else:
         for name, value in record.items():
             click.echo(f"  {name:18} {f'0x{value:08x}' if name in _HEXADECIMAL else value}")
+    if last is not None:
+        click.echo(
+            f"boot {last.boot_id}, before this one, had made {last.produced} samples since its last START"
+        )
 
 
 @command.group()

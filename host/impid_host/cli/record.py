@@ -268,7 +268,8 @@ def _conclude(outcome: Outcome, order: _Order) -> None:
     if outcome.ending == "disconnected":
         raise LinkError(f"{outcome.trouble}; what was recorded until then is kept in {out}")
     if outcome.ending == "disk-full":
-        raise LinkError(outcome.trouble)
+        missing = outcome.progress.counts.stored - stored
+        raise LinkError(f"{outcome.trouble}; {missing} samples that had arrived are missing at its end")
     if recording.warnings:
         raise LinkError(recording.warnings[0])
     if any(ledger.balanced is False for ledger in recording.ledgers):

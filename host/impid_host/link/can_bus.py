@@ -7,7 +7,6 @@ that the group's stamp is the answer's.
 import contextlib
 import socket
 import time
-from collections.abc import Callable
 from typing import Any, Self
 
 import can
@@ -15,6 +14,7 @@ import can
 from impid_host.errors import LinkError
 from impid_host.link.inbox import POLL_S, Inbox
 from impid_host.link.link import Chunk
+from impid_host.link.slcan_lines import CheckedLines
 from impid_host.wire.can_frames import ERROR, EXTENDED, REMOTE, pack_frame, unpack_frames
 from impid_host.wire.carrier import CAN
 from impid_host.wire.messages import PONG, RESPONSE
@@ -69,7 +69,7 @@ class CanLink:
             ) from error
         _give_room(bus)
         if interface == "slcan":
-            bus.serialPortOrig = _InPieces(bus.serialPortOrig)  # type: ignore[attr-defined]
+            bus.serialPortOrig = CheckedLines(bus.serialPortOrig)  # type: ignore[attr-defined]
         return cls(bus, address)
 
     def send(self, data: bytes) -> Chunk:
@@ -173,27 +173,6 @@ def _value(text: str) -> int | float | bool | str:
         with contextlib.suppress(ValueError):
             return kind(text)
     return text
-
-
-class _InPieces:
-    """A serial port for python-can's slcan, which asks for every byte by a call of its own."""
-
-    def __init__(self, port: Any) -> None:
-        self._port = port
-        self._waiting = b""
-
-    @property
-    def in_waiting(self) -> int:
-        return len(self._waiting) or int(self._port.in_waiting)
-
-    def read(self, size: int = 1) -> bytes:
-        if not self._waiting:
-            self._waiting = self._port.read(max(1, self._port.in_waiting))
-        taken, self._waiting = self._waiting[:size], self._waiting[size:]
-        return taken
-
-    def __getattr__(self, name: str) -> Callable[..., Any]:
-        return getattr(self._port, name)  # type: ignore[no-any-return]
 
 
 def _content(message: can.Message) -> tuple[int, bytes]:

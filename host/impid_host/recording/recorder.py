@@ -19,7 +19,7 @@ from impid_host.recording.watch import BoardWatch, WallClockWatch
 from impid_host.recording.writer import RecordingWriter
 from impid_host.wire.decoder import LinkCounts
 from impid_host.wire.messages import SAMPLE_PERIOD_US
-from impid_host.wire.records import BoardStatus, Decoded, Loss
+from impid_host.wire.records import BoardStatus, Decoded, Loss, Response
 
 _PUMP_S = 0.02
 _REPORT_S = 0.2
@@ -53,7 +53,7 @@ class Progress:
 @dataclass(frozen=True, slots=True)
 class Outcome:
     """How the recording ended; `exchanges` are those of the last boot, `status` is the board's last
-    word, `trouble` what ended it early."""
+    word, `trouble` what ended it early; after a full disk, `progress` is what had arrived by then."""
 
     ending: Ending
     progress: Progress
@@ -129,22 +129,22 @@ class Recorder:
         """
         self._client.stop()
         self._start()
-        trouble, status = "", None
+        trouble, status, arrived = "", None, None
         try:
             done = self._stream(duration_s, stopped, report)
             ending: Ending = "complete" if done or duration_s == inf else "interrupted"
             if self._connected:
-                status = self._finish()
+                status = self._finish(report)
         except LinkError as error:
             ending, trouble = "disconnected", str(error)
             if self._connected:
                 self.note("disconnected", reason=trouble)
         except InputError as error:
-            ending, trouble = "disk-full", str(error)
+            ending, trouble, arrived = "disk-full", str(error), self._progress()
             self._client.mute()
             with suppress(LinkError):
                 self._client.stop()
-        progress = self._progress()
+        progress = arrived or self._progress()
         report(progress)
         return Outcome(ending, progress, tuple(self._exchanges), status, trouble)
 
@@ -236,6 +236,11 @@ class Recorder:
 
     def _start_again(self) -> None:
         """The board says that it does not stream: it has been reset, or somebody has stopped it."""
+        self._meet_again()
+        self._start()
+
+    def _meet_again(self) -> None:
+        """See to it that this is the same board, and note it where it has been reset."""
         now = self._client.identity()
         before = self._board.identity
         if before is not None and now.uid != before.uid:
@@ -247,7 +252,6 @@ class Recorder:
                 "boot", before=before.boot_id, boot_id=now.boot_id, reset_cause=now.reset_cause, **counted
             )
         self._board.identity = now
-        self._start()
 
     def _reconnect(
         self, error: LinkError, stopped: Callable[[], bool], report: Callable[[Progress], None]
@@ -287,9 +291,9 @@ class Recorder:
         """
         self._board.identity = self._client.identity()
 
-    def _finish(self) -> BoardStatus:
+    def _finish(self, report: Callable[[Progress], None]) -> BoardStatus:
         """Stop the board, take what is still on its way, and its last status."""
-        stopped = self._client.stop()
+        stopped = self._stop_patiently(report)
         deadline = time.monotonic() + _DRAIN_S
         while self._next_index & 0xFFFFFFFF != stopped.next_index and time.monotonic() < deadline:
             self._client.pump(_PUMP_S)
@@ -297,6 +301,28 @@ class Recorder:
         status = self._client.status()
         self.note("stop", boot_id=stopped.boot_id, produced=stopped.value)
         return status
+
+    def _stop_patiently(self, report: Callable[[Progress], None]) -> Response:
+        """Its count closes the books: a board that is gone just now is waited for as for its samples.
+
+        Raises:
+            LinkError: it did not come back in time.
+        """
+        began = time.monotonic()
+        while True:
+            try:
+                return self._client.stop()
+            except LinkError as error:
+                if time.monotonic() - began >= self._patience_s or self._open_link is None:
+                    raise
+                self.note("disconnected", reason=str(error))
+            report(self._progress())
+            with suppress(LinkError):
+                self._client.reconnect(self._open_link)
+                self._meet_again()
+                self.note("reconnected", after_s=round(time.monotonic() - began, 3))
+            self._writer.flush_when_due()
+            time.sleep(_RETRY_S)
 
     def _elapsed_s(self) -> float:
         return sum(last - first + SAMPLE_PERIOD_US for first, last in self._span_us.values()) * 1e-6

@@ -9,6 +9,7 @@ The bus carries no time of sending for statuses and answers; theirs is that of t
 """
 
 from dataclasses import astuple, dataclass, field, replace
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,6 +35,7 @@ from impid_host.wire.tracker import Groups, Tracker
 
 _MASK32 = 0xFFFFFFFF
 _UNDATED = -1
+_BEHIND_ALL = 1 << 62
 # The index bits of a second half repeat after 256 ms: what lies further apart needs a witness, and after a
 # reader's stall of more than this none is believed.
 _PAIR_NS = 200_000_000
@@ -59,6 +61,29 @@ class _Halves:
     position: NDArray[np.intp]
 
 
+@dataclass(frozen=True, slots=True)
+class _Placed:
+    """Where the samples of a piece stood in it and what they say, each (N,); `before` is the one in front."""
+
+    position: NDArray[np.intp]
+    boot_id: NDArray[np.uint16]
+    t_us: Words
+    index: Words
+    before: tuple[int, int, int]
+
+    @classmethod
+    def none(cls, before: tuple[int, int, int] = (0, 0, 0)) -> Self:
+        nothing = np.zeros(0, np.uint64)
+        return cls(np.zeros(0, np.intp), np.zeros(0, np.uint16), nothing, nothing, before)
+
+    def latest(self, position: int) -> tuple[int, int, int]:
+        """Boot, time and next index as the latest sample before that position has them."""
+        n = int(np.searchsorted(self.position, position)) - 1
+        if n < 0:
+            return self.before
+        return int(self.boot_id[n]), int(self.t_us[n]), (int(self.index[n]) + 1) & _MASK32
+
+
 @dataclass(slots=True)
 class CanDecoder:
     """Decoder of one bus; feed it frames in order of arrival."""
@@ -73,6 +98,7 @@ class CanDecoder:
     _date: _Date | None = None
     _date_used: bool = False
     _last: tuple[int, int, int] = (0, 0, 0)  # boot_id, t_us, next index of the latest sample
+    _samples_of_piece: _Placed = field(default_factory=_Placed.none)
     _start_index: int | None = None
     _open_start: list[tuple[int, int]] = field(default_factory=list)  # position -1, value of the last START
     _status: dict[int, dict[str, int]] = field(default_factory=dict)
@@ -162,6 +188,7 @@ class CanDecoder:
             self._date = None
         dated = np.flatnonzero(which != _UNDATED)
         self._undated += len(which) - len(dated)
+        self._samples_of_piece = _Placed.none(self._last)
         if not len(dated):
             return [], []
         which = which[dated]
@@ -186,7 +213,8 @@ class CanDecoder:
             )
             for span in spans
         ]
-        self._last = (int(boot[-1]), int(t_us[-1]), (int(index[-1]) + 1) & _MASK32)
+        self._samples_of_piece = _Placed(halves.position[dated], boot, t_us, index, self._last)
+        self._last = self._samples_of_piece.latest(_BEHIND_ALL)
         began = {span.run: int(halves.position[dated][span.start]) for span in reversed(spans)}
         return segments, [_with_start(event, began, starts) for event in events]
 
@@ -204,29 +232,29 @@ class CanDecoder:
             self._good += 1
             signals = scalars(layout, int(words[at]))
             if layout is RESPONSE:
-                responses.append(self._response(signals))
+                responses.append(self._response(signals, at))
             elif layout is PONG:
-                pongs.append(self._pong(signals))
+                pongs.append(self._pong(signals, at))
             else:
-                statuses += self._status_part(layout.frame_id, signals)
+                statuses += self._status_part(layout.frame_id, signals, at)
         return tuple(statuses), tuple(responses), tuple(pongs)
 
-    def _response(self, signals: dict[str, int]) -> Response:
-        boot_id, t_us, next_index = self._last
+    def _response(self, signals: dict[str, int], at: int) -> Response:
+        boot_id, t_us, next_index = self._samples_of_piece.latest(at)
         if _starts(signals):
             self._start_index = next_index = signals["value"]
         elif signals["opcode"] == OPCODE["STOP"] and self._start_index is not None:
             next_index = (self._start_index + signals["value"]) & _MASK32  # its value is the samples produced
         return Response(boot_id, t_us, next_index, **signals)
 
-    def _pong(self, signals: dict[str, int]) -> Pong:
-        boot_id, latest_us, _ = self._last
+    def _pong(self, signals: dict[str, int], at: int) -> Pong:
+        boot_id, latest_us, _ = self._samples_of_piece.latest(at)
         half = 1 << 31  # the nearest instant with these low bits: the ping may be before the latest sample
         t2_us = latest_us + (signals["t2_us"] - latest_us + half) % (2 * half) - half
         t2_us += 2 * half if t2_us < 0 else 0
         return Pong(boot_id, signals["request_id"], t2_us, t2_us + signals["hold_us"])
 
-    def _status_part(self, identifier: int, signals: dict[str, int]) -> list[BoardStatus]:
+    def _status_part(self, identifier: int, signals: dict[str, int], at: int) -> list[BoardStatus]:
         """The seven come in order; a set with one missing is dropped."""
         if identifier == STATUS[0].frame_id:
             self._status.clear()
@@ -235,7 +263,7 @@ class CanDecoder:
             return []
         merged = {name: value for part in self._status.values() for name, value in part.items()}
         self._status.clear()
-        boot_id, t_us, next_index = self._last
+        boot_id, t_us, next_index = self._samples_of_piece.latest(at)
         if self._start_index is not None:
             next_index = (self._start_index + merged["produced"]) & _MASK32
         return [BoardStatus(boot_id, t_us, next_index, **merged)]

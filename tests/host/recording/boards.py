@@ -133,6 +133,15 @@ class PtyBoard(_Board):
         super().close()
         self.unplug()
 
+    def halt(self) -> bytes:
+        """Stop the board; what it had sent and nobody has taken from a port that nobody reads any more."""
+        self._closing.set()
+        self._thread.join()
+        rest = b""
+        while select.select([self._slave], [], [], 0.5)[0]:
+            rest += os.read(self._slave, 65536)
+        return rest
+
     def _collect(self) -> None:
         self._bytes += self._board.serial_take()
 

@@ -125,7 +125,7 @@ def test_set_is_read_back_and_saved(keeping) -> None:
 
 
 def test_log(board, keeping) -> None:
-    assert "no fault since" in run("log", "--port", keeping.port).output
+    assert "no fault since its power came" in run("log", "--port", keeping.port).output
     keeping.fault |= {64: 2, 66: 0x08001234}
     said = run("log", "--port", keeping.port).output
     assert "fault_pc           0x08001234" in said

@@ -3,6 +3,7 @@
 import contextlib
 import json
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -28,7 +29,9 @@ class Session:
         self._due.append((elapsed_s, action))
         return self
 
-    def run(self, duration_s: float) -> tuple[Outcome, Recording]:
+    def run(
+        self, duration_s: float, at_the_end: Callable[[], None] = lambda: None
+    ) -> tuple[Outcome, Recording]:
         with contextlib.ExitStack() as stack:
             link = self.address.open()
             client = stack.enter_context(contextlib.closing(BoardClient(link)))
@@ -40,6 +43,16 @@ class Session:
             writer = RecordingWriter.create(self.out, {}, carrier=link.carrier.name)
             recorder = Recorder(client, writer, open_link=self.address.open, patience_s=self.patience_s)
             recorder.identify()
+            stop = client.stop
+            asked = []
+
+            def stopping() -> object:
+                asked.append(None)
+                if len(asked) == 2:  # the first makes sure that nothing streams
+                    at_the_end()
+                return stop()
+
+            client.stop = stopping
             outcome = recorder.run(duration_s, report=report)
             writer.close({"ending": outcome.ending})
         return outcome, read_recording(self.out)
@@ -132,6 +145,22 @@ def test_a_board_that_stays_away(plugged: PtyBoard, out: Path) -> None:
     assert 0.9 < time.monotonic() - began[0] < 4
     assert recording.warnings == ()
     assert recording.events[-1].name == "disconnected"
+
+
+def test_a_board_that_is_gone_when_it_is_to_stop(plugged: PtyBoard, out: Path) -> None:
+    """The last samples and the board's own count are waited for like any others."""
+    until = [0.0]
+
+    def hang() -> None:
+        until[0] = time.monotonic() + 3.0
+        plugged.mangle = lambda data: b"" if time.monotonic() < until[0] else data
+
+    outcome, recording = Session(Address(port=plugged.port), out).run(1.2, at_the_end=hang)
+    assert outcome.ending == "complete"
+    (ledger,) = recording.ledgers
+    assert ledger.balanced
+    assert ledger.lost == ledger.lost_after > 0
+    assert "disconnected" in names(recording)
 
 
 def test_silence_is_noticed_and_survived(plugged: PtyBoard, out: Path) -> None:

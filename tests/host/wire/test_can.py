@@ -147,6 +147,19 @@ def test_a_start_needs_a_date_of_its_own(piece: int) -> None:
     assert decoder.counts.inconsistent == 1
 
 
+def test_what_the_board_says_belongs_to_the_sample_before_it_however_the_stream_is_cut() -> None:
+    """A reader feeds a megabyte at a time, a recorder every few milliseconds: both must tell the same."""
+    wholes = decode(FRAMES)[1]
+    for piece in (1, 7, 100):
+        cut = decode(FRAMES, piece)[1]
+        assert cut.statuses == wholes.statuses
+        assert cut.responses == wholes.responses
+        assert cut.pongs == wholes.pongs
+    times = [status.t_us for status in wholes.statuses]
+    assert len(set(times)) > 2
+    assert times == sorted(times)
+
+
 def test_half_samples_are_never_paired_across() -> None:
     """ENCODER of sample 1 and ACCEL of sample 2 are lost: what stays does not fit together."""
     frames = date(0, 0, 1) + sample(0) + sample(1)[:1] + sample(2)[1:] + sample(3)
