@@ -1,6 +1,6 @@
 """How often the spectral method's 95 % intervals hold the truth.
 
-    python bench/spectral_coverage.py [STUDIES] [--out FILE.json]
+    python bench/spectral_coverage.py [STUDIES] [--out FILE.json] [--summary docs/validation/spectral_coverage.json]
 
 Each study is six trials of 50 s on an exact linear arm that pushes by itself (coloured noise below 3 Hz) with
 sensor noise; derived estimate, trials pooled, both fits and both settings. The virtual sensor's rows have the
@@ -90,13 +90,18 @@ def main() -> None:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("studies", nargs="?", type=int, default=500)
-    parser.add_argument("--out", type=Path)
+    parser.add_argument("--out", type=Path, help="every study's numbers; go on from there")
+    parser.add_argument("--summary", type=Path, help="coverage alone, for scripts/validate/second_paper.py")
     options = parser.parse_args()
     done = json.loads(options.out.read_text())["studies"] if options.out and options.out.exists() else []
     while len(done) < options.studies:
         done.append(one_study(len(done)))
         if options.out and (len(done) % 10 == 0 or len(done) == options.studies):
             options.out.write_text(json.dumps({"summary": summary(done), "studies": done}))
+    if options.summary:
+        rounded = json.loads(json.dumps(summary(done)), parse_float=lambda text: float(f"{float(text):.4g}"))
+        content = json.dumps({"count": len(done), "summary": rounded}, indent=1)
+        options.summary.write_text(content + "\n", encoding="utf-8")
     print(f"{len(done)} studies; 95 % intervals that hold the truth, %")
     for case, numbers in summary(done).items():
         cells = "  ".join(f"{name} {value:5.1f}" for name, value in zip(NAMES, numbers["each"], strict=True))

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from scipy.signal import butter, coherence, sosfiltfilt, welch
 
+from hil_sim.errors import SimError
 from hil_sim.plant.kinematics import position
 from hil_sim.plant.perturbation import random_perturbation
 from hil_sim.scenarios.load import SHIPPED, load, trial
@@ -158,3 +159,41 @@ def test_the_first_papers_campaign_is_its_table_i():
     assert K4M5.K_N_per_m == ((190.26, -2.08), (-2.08, 406.39))
     assert K4M5.M_kg == ((1.527, 0.0), (0.0, 1.527))
     assert K4M5.x0_m == (0.39, 0.036)
+
+
+def test_a_designed_perturbation_is_played_row_by_row(tmp_path):
+    force = np.stack([np.sin(0.01 * np.arange(1000)), np.arange(1000) / 500.0], axis=1)
+    table = np.column_stack([np.arange(1000) / 500.0, force])
+    np.savetxt(tmp_path / "p.csv", table, delimiter=",", header="t,fdx,fdy", comments="", fmt="%.9f")
+    text = (SHIPPED / "palazzolo-sa1.toml").read_text()
+    (tmp_path / "own.toml").write_text(text.replace("repeat = 2", 'command_csv = "p.csv"'))
+    rows, _ = run(load(str(tmp_path / "own.toml")), "sa1", 3.0)
+    assert rows.command_N[:1000] == pytest.approx(force, abs=1e-8)
+    assert np.all(rows.command_N[1000:] == 0)
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        ("t,fdx\n0,1\n0.002,2\n", "needs the columns"),
+        ("t,fdx,fdy\n0,1,1\n0.001,2,2\n", "500 rows a second"),
+        ("t,fdx,fdy\n0,1,1\n0.002,x,2\n", "not a number"),
+        (None, "cannot be read"),
+    ],
+)
+def test_a_perturbation_that_cannot_be_played_is_named(tmp_path, content, words):
+    if content is not None:
+        (tmp_path / "p.csv").write_text(content)
+    text = (SHIPPED / "palazzolo-sa1.toml").read_text()
+    (tmp_path / "own.toml").write_text(text.replace("repeat = 2", 'command_csv = "p.csv"'))
+    scenario = load(str(tmp_path / "own.toml"))
+    with pytest.raises(SimError, match=words):
+        trial_truth(scenario, trial(scenario, "sa1"), 1)
+
+
+def test_the_paper_s_trials_repeat_one_pair_of_perturbations():
+    scenario = load("palazzolo-sa1")
+    forces = [trial_truth(scenario, trial(scenario, name), 4).course.force_N for name in ("sa1_01", "sa1_02")]
+    np.testing.assert_array_equal(*forces)
+    text = (SHIPPED / "palazzolo-sa1.toml").read_text()
+    assert "alike = true" in text
