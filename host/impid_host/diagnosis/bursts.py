@@ -31,11 +31,12 @@ class Burst:
         return f"{self.trial} from {self.begin_s:.0f} to {self.end_s:.0f} s is unlike the rest: left out"
 
 
-def bursts(runs: Sequence[Run], columns: int) -> list[Burst]:
+def bursts(runs: Sequence[Run], columns: int, views: Sequence[View] = ()) -> list[Burst]:
     """Blocks whose innovations stand out, in torque and force, of whitened runs of both parts.
 
     Args:
         columns: all of them belong to the model; it is fitted on the fit part.
+        views: of the trials; noise may grow with the square of the speed.
     """
     own = [run for run in runs if run.family in ("torque", "force")]
     fit = [run for run in own if run.part == "fit"]
@@ -53,6 +54,7 @@ def bursts(runs: Sequence[Run], columns: int) -> list[Burst]:
             )
     found = []
     total = sum(len(blocks) for blocks in squares.values())
+    haste = {view.name: _haste(view) for view in views}
     for trial, blocks in squares.items():
         # A push is felt by one channel more than by another, so the largest counts.
         level = {number: max(values) for number, values in blocks.items()}
@@ -60,9 +62,18 @@ def bursts(runs: Sequence[Run], columns: int) -> list[Burst]:
         found += [
             Burst(trial, number * _BLOCK_S, (number + 1) * _BLOCK_S, value / usual)
             for number, value in level.items()
-            if value > _RATIO * usual
+            if value > _RATIO * usual * haste.get(trial, {}).get(number, 1.0)
         ]
     return found if len(found) <= _MOST * total else []
+
+
+def _haste(view: View) -> dict[int, float]:
+    """Largest mean squared speed of a joint in each block over the trial's median, 1 at least."""
+    block = (view.t // _BLOCK_S).astype(int)
+    count = np.maximum(np.bincount(block), 1)
+    squares = [np.bincount(block, weights=omega**2) / count for omega in view.omega.T]
+    ratio = np.max([own / max(float(np.median(own)), 1e-300) for own in squares], axis=0)
+    return {number: max(1.0, float(value)) for number, value in enumerate(ratio)}
 
 
 def are_pushes(found: Sequence[Burst], duration_s: float) -> bool:

@@ -17,6 +17,7 @@ MAX_EFFECTS = 6
 _P_VALUE = 1e-3  # after multiplication by the number of candidates tried
 _ENERGY = 0.04  # least part of a row's noise variance that an effect must explain where it shows
 _RELATIVE = 0.002  # of what the other effects explain
+_PART = 0.3  # of its largest drop: a channel in which an effect shows
 _PARSIMONY = 0.005
 _FOLDS = 8
 _STIFF = 0.01
@@ -122,6 +123,18 @@ def admissible(table: Table, active: Sequence[int]) -> bool:
     return True
 
 
+def possible(table: Table, active: Sequence[int], curves: Sequence[int]) -> list[int]:
+    """The effects of `active` whose parameters are physically possible when all are fitted together."""
+    beta, _ = solve(table.G, table.columns([*active, *curves]))
+    kept, first = [], 0
+    for s in active:
+        slot = table.slots[s]
+        if slot.candidate.gate(beta[first : first + slot.candidate.size], slot.shape):
+            kept.append(s)
+        first += slot.candidate.size
+    return kept
+
+
 def choose(table: Table, given: Sequence[int] = ()) -> tuple[Table, list[int]]:
     """Slots of the effects that the data support, in the order in which they were found.
 
@@ -137,6 +150,8 @@ def choose(table: Table, given: Sequence[int] = ()) -> tuple[Table, list[int]]:
     while len(active) < MAX_EFFECTS:
         table, found = best(table, [*given, *active])
         if found is None or not supported(table, [*given, *active], found):
+            table, found = companion(table, given, active)
+        if found is None:
             break
         active = [*active, found]
         for _ in range(2):
@@ -146,6 +161,32 @@ def choose(table: Table, given: Sequence[int] = ()) -> tuple[Table, list[int]]:
             break
         tried.add(tuple(sorted(active)))
     return table, active
+
+
+def companion(table: Table, given: Sequence[int], active: Sequence[int]) -> tuple[Table, int | None]:
+    """Plain dry friction beside a Stribeck friction whose speed has grown to stand for both.
+
+    Each alone explains nearly all of the two, so that neither looks worth adding before the speed is fitted
+    anew.
+    """
+    places = {s: table.slots[s].candidate.where for s in active if _is(table, s, "friction.stribeck")}
+    for s, where in places.items():
+        own = [
+            k
+            for k, slot in enumerate(table.slots)
+            if _is(table, k, "friction.coulomb") and slot.candidate.where == where
+        ]
+        if not own or own[0] in active:
+            continue
+        rest = [*given, *(other for other in active if other != s)]
+        finer, better = refined_one(table, [*rest, own[0]], s)
+        if supported(finer, [*rest, better], own[0]) and admissible(finer, [*active, own[0]]):
+            return finer, own[0]
+    return table, None
+
+
+def _is(table: Table, s: int, effect: str) -> bool:
+    return table.slots[s].candidate.effect == effect
 
 
 def best(table: Table, active: Sequence[int]) -> tuple[Table, int | None]:
@@ -189,6 +230,9 @@ def refined(table: Table, given: Sequence[int], active: list[int]) -> tuple[Tabl
 def refined_one(table: Table, rest: Sequence[int], s: int) -> tuple[Table, int]:
     """Two rounds of finer shapes around the slot's own, the rest of the model given (variable projection)."""
     candidate = table.slots[s].candidate
+    P = projected(table.G, table.columns(rest))
+    own = [k for k, slot in enumerate(table.slots) if slot.candidate is candidate]
+    s = max(own, key=lambda k: gain(P, table.G, table.slots[k].columns))
     for _ in range(2):
         own = [k for k, slot in enumerate(table.slots) if slot.candidate is candidate]
         shapes = np.unique([table.slots[k].shape for k in own])
@@ -240,19 +284,52 @@ def score_of(table: Table, rest: Sequence[int], s: int) -> float:
 
 def supported(table: Table, active: Sequence[int], s: int) -> bool:
     """Prewhitened F-test, size of the effect, blockwise cross-validation and bootstrap inclusion."""
-    if p_value(table, active, s) > _P_VALUE or energy(table, active, s) < _ENERGY:
+    if p_value(table, active, s) > _P_VALUE:
         return False
-    if not is_large(table, active, s):
+    shown = channels(table, active, s)
+    if energy(shown) < _ENERGY or not is_large(shown):
         return False
     blocks = block_grams(table, [*active, s])
     return carries_over(blocks, table.slots[s].candidate.size) and inclusion(table, blocks, s) >= _INCLUSION
 
 
-def is_large(table: Table, active: Sequence[int], s: int) -> bool:
-    """More than what an imperfect shape of a much larger effect leaves behind."""
-    P = projected(table.G, table.columns(active))
-    drop = gain(P, table.G, table.slots[s].columns)
-    return bool(drop > _RELATIVE * (table.G[0, 0] - P[0, 0]))
+@dataclass(frozen=True, slots=True)
+class Shown:
+    """What a slot does in one channel: drop of its squares, what the others explain there, rows."""
+
+    drop: float
+    explained: float
+    rows: int
+
+
+def channels(table: Table, active: Sequence[int], s: int) -> list[Shown]:
+    """Of the slot given `active`, in each channel."""
+    columns = table.columns([*active, s])
+    own = len(columns) - table.slots[s].candidate.size
+    with_it, _ = solve(table.G, columns)
+    without_it, _ = solve(table.G, columns[:own])
+    squares: dict[tuple[str, int], Floats] = {}
+    for run in table.runs:
+        used = run.design[:, columns]
+        r0 = run.target - used[:, :own] @ without_it
+        r1 = run.target - used @ with_it
+        entry = squares.setdefault(run.key, np.zeros(4))
+        entry += np.array([run.target @ run.target, r0 @ r0, r1 @ r1, len(r0)])
+    return [
+        Shown(float(before - after), float(none - before), int(rows))
+        for none, before, after, rows in squares.values()
+    ]
+
+
+def energy(shown: Sequence[Shown]) -> float:
+    """Drop of the mean squared innovation in the channel where the slot explains most."""
+    return max(one.drop / one.rows for one in shown)
+
+
+def is_large(shown: Sequence[Shown]) -> bool:
+    """More than what an imperfect shape of a much larger effect leaves behind, in a channel that matters."""
+    most = max(one.drop for one in shown)
+    return any(one.drop > _RELATIVE * one.explained for one in shown if one.drop > _PART * most)
 
 
 def p_value(table: Table, active: Sequence[int], s: int) -> float:
@@ -265,22 +342,6 @@ def p_value(table: Table, active: Sequence[int], s: int) -> float:
     F = (drop / size) / max((P[0, 0] - drop) / free, 1e-300)
     tried = sum(is_known(other) for other in table.slots)
     return float(min(1.0, stats.f.sf(F, size, free) * tried))
-
-
-def energy(table: Table, active: Sequence[int], s: int) -> float:
-    """Drop of the mean squared innovation in the channel where the slot explains most."""
-    columns = table.columns([*active, s])
-    own = len(columns) - table.slots[s].candidate.size
-    with_it, _ = solve(table.G, columns)
-    without_it, _ = solve(table.G, columns[:own])
-    before: dict[tuple[str, int], list[float]] = {}
-    for run in table.runs:
-        r0 = run.target - run.design[:, columns[:own]] @ without_it
-        r1 = run.target - run.design[:, columns] @ with_it
-        entry = before.setdefault(run.key, [0.0, 0.0])
-        entry[0] += float(r0 @ r0 - r1 @ r1)
-        entry[1] += len(r0)
-    return max(drop / rows for drop, rows in before.values())
 
 
 def block_grams(table: Table, active: Sequence[int]) -> Floats:

@@ -11,6 +11,7 @@ from impid_host.diagnosis.choice import (
     Table,
     is_known,
     p_value,
+    possible,
     pruned,
     score_of,
     supported,
@@ -215,12 +216,13 @@ def confirmed(case: Case, active: Sequence[int], curves: Sequence[int]) -> tuple
         return case, list(active), list(curves)
     name = table.slots[top].candidate.effect
     largest = [s for s in active if table.slots[s].candidate.effect == name]
-    parts = findings_of(table, largest)[0].parts
+    parts = [part for finding in findings_of(table, active) for part in finding.parts]
     fitted = refit(case.views, parts, case.base, case.holdout, case.taps)
-    cleaned = [corrected(view, fitted.chosen) for view in fitted.views]
+    own = [part for part in fitted.chosen if part.candidate.effect == name]
+    cleaned = [corrected(view, own) for view in fitted.views]
     again = evaluated(informed(cleaned, case.base, case.holdout), case.base, case.holdout)
     with_it = again.table
-    for part in fitted.chosen:
+    for part in own:
         # What is left to the effect once it is taken out is a small correction, of either sign.
         with_it = with_it.with_shapes(replace(part.candidate, gate=no_gate), [part.shape])
     given = range(len(again.table.slots), len(with_it.slots))
@@ -230,7 +232,9 @@ def confirmed(case: Case, active: Sequence[int], curves: Sequence[int]) -> tuple
     for slot in picked:
         table = table.with_shapes(slot.candidate, [slot.shape])
     places = list(range(first, first + len(picked)))
-    return replace(case, table=table), [*largest, *places[: len(fresh)]], places[len(fresh) :]
+    bent_places = places[len(fresh) :]
+    kept = possible(table, [*largest, *places[: len(fresh)]], bent_places)
+    return replace(case, table=table), kept, bent_places
 
 
 def upheld(case: Case, active: Sequence[int], curves: Sequence[int]) -> list[int]:
@@ -252,7 +256,7 @@ def upheld(case: Case, active: Sequence[int], curves: Sequence[int]) -> list[int
 def bursts_of(case: Case, active: Sequence[int]) -> list[Burst]:
     """Stretches that the model with its effects and curves leaves standing out."""
     runs, columns, _ = own_runs(case, [case.table.slots[s] for s in active])
-    return bursts(whitened(runs, case.taps), columns)
+    return bursts(whitened(runs, case.taps), columns, case.views)
 
 
 def own_runs(case: Case, picked: Sequence[Slot]) -> tuple[list[Run], int, list[Slot]]:

@@ -13,7 +13,9 @@ from impid_host.effects.effect import Candidate, Setting, at_tip, on_joint
 from impid_host.effects.view import Columns, View
 from impid_host.signals.arrays import Floats
 
-NODES_HZ = (0.0, 0.3, 0.6, 0.9, 1.25, 1.6, 2.0, 2.6, 3.4, 4.5, 6.0, 8.0)
+NODES_HZ = (0.3, 0.6, 0.9, 1.25, 1.6, 2.0, 2.6, 3.4, 4.5)
+# Nobody moves faster: above, an acceleration is the encoders' noise, which the torque model passes on.
+_ENDS_HZ = (0.0, 6.0)
 RESPONSE = "response"
 
 
@@ -47,10 +49,9 @@ def filtered(values: Floats, dt: float) -> list[Floats]:
     spectrum = np.fft.rfft(values, size)
     frequency = np.fft.rfftfreq(size, dt)
     result: list[Floats] = []
-    for node in range(1, len(NODES_HZ)):
-        height = np.zeros(len(NODES_HZ))
-        height[node] = 1.0
-        weight = np.interp(frequency, NODES_HZ, height)
+    nodes = (_ENDS_HZ[0], *NODES_HZ, _ENDS_HZ[1])
+    for node in range(1, len(nodes) - 1):
+        weight = np.interp(frequency, nodes, np.eye(len(nodes))[node])
         result += [np.fft.irfft(spectrum * weight * turn, size)[:count] for turn in (1.0, -1j)]
     return result
 
@@ -67,6 +68,6 @@ def _candidate(on: str, columns: object, of: str) -> Candidate:
         (on, "frequency"),
         columns,  # type: ignore[arg-type]
         lambda _beta, _shape: {},
-        size=2 * (len(NODES_HZ) - 1),
+        size=2 * len(NODES_HZ),
         variant=f"{RESPONSE} to {of}",
     )

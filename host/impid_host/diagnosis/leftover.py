@@ -3,9 +3,11 @@
 from collections.abc import Sequence
 
 from impid_host.diagnosis.choice import (
+    Shown,
     Table,
     block_grams,
     carries_over,
+    channels,
     choose,
     energy,
     p_value,
@@ -15,11 +17,12 @@ from impid_host.diagnosis.choice import (
 )
 from impid_host.diagnosis.evidence import gain, projected
 
-_BETTER = 0.05  # part of what the effects explain, by which a curve must do better to be believed instead
+BETTER = 0.05  # part of what the effects explain, by which a curve must do better to be believed instead
 _PATCH = 0.1
 _LEAST = 12.0
 _CURVES = 3
 _P_VALUE = 1e-3
+_ROWS_EACH = 15  # of a channel, for each of a curve's parameters
 
 
 def unmasked(table: Table, fixed: Sequence[int] = ()) -> tuple[Table, list[int], list[int]]:
@@ -47,7 +50,7 @@ def unmasked(table: Table, fixed: Sequence[int] = ()) -> tuple[Table, list[int],
         now = total(table, [*fixed, *active, *curves])
         stays = total(table, [*kept, *given])
         fresh = total(other_table, [*again, *given])
-        threshold = max(_LEAST, _BETTER * explained(table, [*fixed, *active, *curves]))
+        threshold = max(_LEAST, BETTER * explained(table, [*fixed, *active, *curves]))
         if max(stays, fresh) < now + threshold:
             break
         if fresh > stays + _LEAST:
@@ -103,11 +106,18 @@ def _drop(table: Table, rest: Sequence[int], s: int) -> float:
     return gain(projected(table.G, table.columns(rest)), table.G, table.slots[s].columns)
 
 
+def _most_rows(shown: Sequence[Shown]) -> int:
+    return max(one.rows for one in shown)
+
+
 def _next_curve(table: Table, active: Sequence[int]) -> int | None:
     for score, s in ranking(table, active, known=False)[:3]:
         if score <= 0:
             return None
-        if p_value(table, active, s) > _P_VALUE or energy(table, active, s) < 2 * 0.04:
+        if p_value(table, active, s) > _P_VALUE:
+            continue
+        shown = channels(table, active, s)
+        if energy(shown) < 2 * 0.04 or _ROWS_EACH * table.slots[s].candidate.size > _most_rows(shown):
             continue
         if carries_over(block_grams(table, [*active, s]), table.slots[s].candidate.size):
             return s

@@ -1,10 +1,12 @@
 """From a study to views: every trial on one clock at a modest rate, raw signals filtered widely and alike."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from impid_host.clock.robot import RobotClockFit, match_clocks
+from impid_host.diagnosis.band import WIDEST_HZ, band_hz, quick_band_hz
 from impid_host.diagnosis.base import Base
 from impid_host.diagnosis.oddities import Oddity, odd_rows
 from impid_host.effects.effect import Setting
@@ -14,6 +16,7 @@ from impid_host.impedance.loads import ROTARY_AXES
 from impid_host.robot.model import RobotModel
 from impid_host.signals.align import device_angles, robot_rows, sensor_angle
 from impid_host.signals.arrays import Floats, Mask
+from impid_host.signals.chain import PUBLISHED_CUTOFF_HZ
 from impid_host.signals.counts import longest_run, specific_force, usable_samples
 from impid_host.signals.filters import ZeroPhaseLowPass
 from impid_host.signals.resample import bridged, common_grid, nominal_rate, onto_grid
@@ -42,7 +45,12 @@ def views(study: Study, model: RobotModel) -> tuple[list[View], list[Oddity]]:
         bad, found = odd_rows(trial.name, robot_rows(trial.robot))
         result.append(view_of(trial, study.setup, model, bad))
         oddities += found
-    return result, oddities
+    cutoff = band_hz(result)
+    if tuple(model.task_axes) == ROTARY_AXES:
+        cutoff = quick_band_hz(result)
+        report = max(PUBLISHED_CUTOFF_HZ, cutoff if cutoff > WIDEST_HZ else 0.0)
+        return [replace(view, cutoff_hz=cutoff, report_hz=report) for view in result], oddities
+    return [replace(view, cutoff_hz=cutoff) for view in result], oddities
 
 
 def view_of(trial: Trial, setup: Setup, model: RobotModel, bad: Mask) -> View:

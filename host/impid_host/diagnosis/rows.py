@@ -13,7 +13,6 @@ from impid_host.effects.effect import Candidate
 from impid_host.effects.view import ANGLE, FAMILIES, View
 from impid_host.signals.arrays import Floats, Mask
 
-CUTOFF_HZ = 11.0
 _EDGE_S = 0.5
 Index = NDArray[np.intp]
 _PARTS = ("fit", "validation")
@@ -79,12 +78,12 @@ class Decimator:
 
 def decimator(view: View) -> Decimator:
     """A symmetric FIR low-pass (Kaiser window, 60 dB) down to about 2.2 rows per cycle of the cut-off."""
-    step = max(1, int(view.rate_hz / (2.2 * CUTOFF_HZ)))
+    step = max(1, int(view.rate_hz / (2.2 * view.cutoff_hz)))
     count = len(view.t)
     if step == 1:
         return Decimator(1, sparse.identity(count, format="csr"))
     half = 6 * step
-    taps = signal.firwin(2 * half + 1, CUTOFF_HZ, fs=view.rate_hz, window=("kaiser", 6.0))
+    taps = signal.firwin(2 * half + 1, view.cutoff_hz, fs=view.rate_hz, window=("kaiser", 6.0))
     centres = np.arange(0, count, step)
     place = centres[:, None] + np.arange(-half, half + 1)
     inside = (place >= 0) & (place < count)

@@ -70,7 +70,7 @@ def _response(slot: Slot, share: float, beta: Floats, covariance: Floats, views:
     on = slot.candidate.where[0]
     pieces = [slot.candidate.columns(view, 0.0)["torque"][view.valid] for view in views if _has(slot, view)]
     block = np.concatenate([piece.reshape(-1, len(beta)) for piece in pieces])
-    frequency = np.array(NODES_HZ[1:])
+    frequency = np.array(NODES_HZ)
     power = block.T @ block / len(block)
     size, half = np.zeros(len(frequency)), np.zeros(len(frequency))
     for k in range(len(frequency)):

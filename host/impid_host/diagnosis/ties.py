@@ -29,6 +29,14 @@ _TRIALS: tuple[tuple[frozenset[str], str], ...] = (
         frozenset({"friction.asymmetric", "actuator.offset"}),
         "a trial with long rests: an offset stays at standstill, dry friction does not",
     ),
+    (
+        frozenset({"elastic.cartesian", "actuator.offset"}),
+        "a trial at rest at several places, with the drives off and on",
+    ),
+    (
+        frozenset({"elastic.joint", "actuator.offset"}),
+        "the torque at rest with the spring taken off, or its rest position measured",
+    ),
     (frozenset({"load.damping", "load.delay"}), "a load trial with faster motion, up to 5 Hz"),
     (frozenset({"elastic.cartesian", "elastic.joint"}), "a free trial over a larger range of both joints"),
     (frozenset({"gravity.tilt", "accel.bias"}), "a free trial in which link 2 turns by 90 degrees or more"),
@@ -49,10 +57,15 @@ def ties(table: Table, active: Sequence[int]) -> list[Tie]:
         labels = [table.slots[s].candidate.label]
         near = [rival for rival in _rivals(table, rest, s) if within_reach(table, rest, s, rival)]
         labels += [table.slots[rival].candidate.label for rival in near]
-        labels = list(dict.fromkeys([*labels, *_decomposed(table.slots[s].candidate)]))
+        labels = list(dict.fromkeys([*labels, *_decomposed(table.slots[s].candidate, joints_of(table))]))
         if len(labels) > 1:
             found.append(Tie(tuple(labels), telling_trial(labels)))
     return found
+
+
+def joints_of(table: Table) -> int:
+    """How many channels of torque there are."""
+    return len({run.channel for run in table.runs if run.family == "torque"})
 
 
 def telling_trial(labels: Sequence[str]) -> str:
@@ -98,12 +111,20 @@ def _same_thing(one: Candidate, other: Candidate) -> bool:
     return one.effect == other.effect and bool(set(one.where) & set(other.where))
 
 
-def _decomposed(candidate: Candidate) -> list[str]:
-    """While the joint moves, unequal dry friction is equal dry friction beside a constant torque."""
-    if candidate.effect != "friction.asymmetric":
-        return []
+def _decomposed(candidate: Candidate, joints: int) -> list[str]:
+    """What the effect holds besides itself, so that nobody can say whether that is there too.
+
+    While a joint moves, unequal dry friction is equal dry friction beside a constant torque; a spring's rest
+    position is a constant torque, about a joint exactly, at the end-effector nearly.
+    """
     place = candidate.where[0]
-    return [f"friction.coulomb@{place}", f"actuator.offset@{place}"]
+    if candidate.effect == "friction.asymmetric":
+        return [f"friction.coulomb@{place}", f"actuator.offset@{place}"]
+    if candidate.effect == "elastic.joint":
+        return [f"actuator.offset@{place}"]
+    if candidate.effect == "elastic.cartesian":
+        return [f"actuator.offset@joint{joint + 1}" for joint in range(joints)]
+    return []
 
 
 def _block_squares(table: Table, active: Sequence[int]) -> Floats:

@@ -76,14 +76,22 @@ def _transmission(setting: Setting) -> Iterator[Candidate]:
             bend = [rate_of(rate_of(signal, view.dt), view.dt) for signal in (torque, acc)]
             return on_joint(view, joint, *bend)
 
-        yield Candidate(
-            "elastic.transmission",
-            (joint_name(joint),),
-            columns,
-            _read_transmission,
-            size=2,
-            gate=lambda beta, _shape: bool(beta[0] > 0),
-        )
+        def damped(view: View, _shape: float, joint: int = joint) -> Columns:
+            # With a damper d beside the spring the rotor runs ahead by tau / k - d tau' / k^2 (first order).
+            torque, acc = view.torque_model[:, joint], view.acc[:, joint]
+            bend = [rate_of(rate_of(signal, view.dt), view.dt) for signal in (torque, acc)]
+            return on_joint(view, joint, *bend, -rate_of(bend[0], view.dt))
+
+        for variant, form, size in (("spring", columns, 2), ("spring and damper", damped, 3)):
+            yield Candidate(
+                "elastic.transmission",
+                (joint_name(joint),),
+                form,
+                _read_transmission,
+                size=size,
+                gate=lambda beta, _shape: bool(beta[0] > 0 and min(beta[2:], default=0.0) >= 0),
+                variant=variant,
+            )
 
 
 def _read_transmission(beta: Floats, _shape: float) -> dict[str, float]:

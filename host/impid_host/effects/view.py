@@ -8,6 +8,7 @@ from scipy.interpolate import CubicSpline
 
 from impid_host.robot.model import RobotModel
 from impid_host.signals.arrays import Floats, Mask
+from impid_host.signals.chain import PUBLISHED_CUTOFF_HZ
 
 TORQUE, SPECIFIC_FORCE, ANGLE, FORCE = "torque", "specific_force", "angle", "force"
 FAMILIES = (TORQUE, SPECIFIC_FORCE, ANGLE, FORCE)
@@ -39,6 +40,7 @@ class View:
         torque_model: the present model's torque, (N, n); x0: the load's equilibrium by it, (d,);
             K: its stiffness, (d, d); alpha: the robot's parameters by it, (p,).
         valid: instants that may be used, (N,).
+        cutoff_hz: of the band in which the choice looks at this study; report_hz: of the reported one.
         model: the robot's kinematics; respond: what the present model predicts of every family,
             (N, channels), were the motion that of the given view.
     """
@@ -70,6 +72,8 @@ class View:
     model: RobotModel
     respond: "Callable[[View], Columns] | None" = None
     alpha: Floats | None = None
+    cutoff_hz: float = 11.0
+    report_hz: float = PUBLISHED_CUTOFF_HZ
 
     @property
     def joints(self) -> int:
