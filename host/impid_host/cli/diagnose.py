@@ -70,8 +70,10 @@ def show(answer: Diagnosis) -> None:
     if len(answer.stages) > 1:
         console.print(effect_table(answer))
         console.print(parameter_table(answer))
-    elif not answer.structure:
+    elif not answer.above_noise_floor:
         console.print("Nothing is missing: the papers' model explains these data down to the noise.")
+    elif not answer.structure:
+        console.print("More than noise is left, and nothing tells what it depends on.")
     for row in answer.structure:
         console.print(f"No known effect explains this: {row.words}")
     for tie in answer.ambiguous:

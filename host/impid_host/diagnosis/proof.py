@@ -11,10 +11,12 @@ from typing import Literal
 import numpy as np
 
 from impid_host.diagnosis.base import Base
+from impid_host.diagnosis.findings import parameters_of
 from impid_host.diagnosis.holdout import Holdout, settled
 from impid_host.diagnosis.own_robot import estimate_robot, given_robot, shows_robot
 from impid_host.diagnosis.parameters import at, moves, vector_of
 from impid_host.diagnosis.result import Chosen, Number
+from impid_host.effects.encoder import resynchronised
 from impid_host.effects.view import View
 from impid_host.impedance.identify import RobotParameters, physical_equation, robot_equation, virtual_equation
 from impid_host.impedance.linear import Estimate, Stretch, fit_linear
@@ -24,8 +26,9 @@ from impid_host.impedance.rows import SERIES_RATE_HZ, Equation, series, stretche
 from impid_host.robot.terms import RobotStructure
 from impid_host.signals.align import AlignedTrial, base_frame_acceleration, joint_acceleration
 from impid_host.signals.arrays import Floats
-from impid_host.signals.chain import DEFAULT, Chain
+from impid_host.signals.chain import DEFAULT, PUBLISHED_CUTOFF_HZ, Chain
 
+_OF_LOAD = {"load.coupling": ("K", "M"), "load.damping": ("B",)}
 Numbers = tuple[
     Number, Mapping[str, Mapping[str, Number]], dict[str, float], dict[str, float], tuple[str, ...]
 ]
@@ -58,6 +61,20 @@ def _undone(view: View, part: Chosen) -> View:
     return replace(result, theta_robot=result.theta_robot + result.theta - view.theta)
 
 
+def in_time(view: View, chosen: Sequence[Chosen]) -> View:
+    """Where the clocks drift, the robot's signals by the path that the angles show, held-out parts as well.
+
+    Matching clocks is part of alignment, and needs no torque.
+    """
+    drifts = any(part.candidate.effect == "clock.drift" for part in chosen)
+    return resynchronised(view) if drifts else view
+
+
+def chain_of(view: View) -> Chain:
+    """The chain of `fit`, in the band that this study is reported in."""
+    return DEFAULT if view.report_hz == PUBLISHED_CUTOFF_HZ else DEFAULT.with_cutoff(view.report_hz)
+
+
 def aligned(view: View) -> AlignedTrial:
     """The view as `fit` sees a trial: accelerations by the accelerometer where there is one."""
     acc, a = view.acc, view.a
@@ -65,7 +82,7 @@ def aligned(view: View) -> AlignedTrial:
         a = base_frame_acceleration(view.measured, view.sensor_angle, view.model.plane_gravity_m_s2)
         J_rate = view.model.jacobian_rate(view.theta, view.omega)
         acc = joint_acceleration(a, view.J, J_rate, view.omega)
-    chain = DEFAULT
+    chain = chain_of(view)
     return AlignedTrial(
         name=view.name,
         kind=view.kind,  # type: ignore[arg-type]
@@ -126,34 +143,87 @@ def report(
     fit = _fitted(views, chosen, base, holdout, prior)
     if covariance is not None and len(covariance):
         fit = _widened(fit, views, chosen, covariance, base, holdout, prior)
-    rms: dict[str, float] = {}
-    vaf: dict[str, float] = {}
-    alpha = _alpha_number(fit)
+    errors = _errors(fit, base, holdout)
+    # The same measure for every stage: how much the signals vary as they were measured.
+    measured = _errors(_fitted(views, [], base, holdout, prior), base, holdout) if chosen else errors
+    rms = {key: error.rms for key, error in errors.items()}
+    vaf = {
+        key: float(100 * (1 - error.variance / max(measured[key].spread, 1e-300)))
+        for key, error in errors.items()
+    }
+    loads = {
+        name: total(load, _load_numbers(load, fit.loads[name], handle_mass_kg), chosen)
+        for name, load in base.loads
+    }
+    names = base.model.parameter_names if fit.alpha is None else fit.alpha.names
+    return _alpha_number(fit), loads, rms, vaf, names
+
+
+@dataclass(frozen=True, slots=True)
+class _Error:
+    """Of one channel on held-out data: rms and variance of the residual; spread: variance of the target."""
+
+    rms: float
+    variance: float
+    spread: float
+
+
+def _errors(fit: _Fit, base: Base, holdout: Holdout) -> dict[str, _Error]:
+    result: dict[str, _Error] = {}
     if fit.free:
-        channels = [f"tau{joint + 1}" for joint in range(base.model.joints)]
-        _judge(fit.free, fit.robot.value, holdout, channels, rms, vaf)
-    loads: dict[str, dict[str, Number]] = {}
+        target, residual = _held(fit.free, fit.robot.value, holdout)
+        for joint in range(base.model.joints):
+            result[f"tau{joint + 1}"] = _error(residual[:, joint], float(np.var(target[:, joint])))
     held: dict[str, list[tuple[Floats, Floats]]] = {}
-    for name, load in base.loads:
-        estimate, virtual = fit.loads[name], fit.virtual[name]
-        loads[name] = _load_numbers(load, estimate, handle_mass_kg)
-        held.setdefault("f", []).append(_held(virtual, estimate.value, holdout))
+    for name, _ in base.loads:
+        virtual = fit.virtual[name]
+        held.setdefault("f", []).append(_held(virtual, fit.loads[name].value, holdout))
         if name in fit.physical:
             both = [
                 (view, Equation(eq.trial, np.zeros((*eq.target.shape, 1)), eq.target - other.target))
                 for (view, eq), (_, other) in zip(virtual, fit.physical[name], strict=True)
             ]
             held.setdefault("fs", []).append(_held(both, np.zeros(1), holdout, of=virtual))
+    has_torque = bool(fit.free)
     for start, parts in held.items():
-        target = np.concatenate([part[0] for part in parts])
         residual = np.concatenate([part[1] for part in parts])
         spread = np.mean([np.var(part[0], axis=0) for part in parts], axis=0)
         for axis, letter in enumerate(base.model.task_axes):
-            key = channel(start, letter, has_torque="tau1" in rms)
-            rms[key] = float(np.sqrt(np.mean(residual[:, axis] ** 2))) if len(target) else 0.0
-            vaf[key] = _vaf(residual[:, axis], float(spread[axis]))
-    names = base.model.parameter_names if fit.alpha is None else fit.alpha.names
-    return alpha, loads, rms, vaf, names
+            key = channel(start, letter, has_torque=has_torque)
+            result[key] = _error(residual[:, axis], float(spread[axis]))
+    return result
+
+
+def _error(residual: Floats, spread: float) -> _Error:
+    if len(residual) == 0:
+        return _Error(0.0, 0.0, 1.0)
+    return _Error(float(np.sqrt(np.mean(residual**2))), float(np.var(residual)), spread)
+
+
+def total(load: LoadModel, own: dict[str, Number], chosen: Sequence[Chosen]) -> dict[str, Number]:
+    """A load's matrices with what effects of the load add to them: the load's own model is not all of it."""
+    d = len(load.axes)
+    result = dict(own)
+    for part in chosen:
+        letters = _OF_LOAD.get(part.candidate.effect, ())
+        numbers = parameters_of(part) if letters and load.name == "mass-spring" else {}
+        for letter in letters:
+            if letter not in numbers:
+                continue
+            more = numbers[letter]
+            half = _square(0.5 * (more.ci95[..., 1] - more.ci95[..., 0]), d)
+            value = _square(more.value, d)
+            if letter in result:
+                before = result[letter]
+                half = np.hypot(half, 0.5 * (before.ci95[..., 1] - before.ci95[..., 0]))
+                value = value + before.value
+            result[letter] = Number(value, np.stack([value - half, value + half], axis=-1), more.unit)
+    return result
+
+
+def _square(values: Floats, d: int) -> Floats:
+    """One number for all axes, or one for each, or a matrix: as a matrix (d, d)."""
+    return values if values.ndim == 2 else np.asarray(values * np.eye(d), dtype=np.float64)
 
 
 def channel(start: str, letter: str, *, has_torque: bool) -> str:
@@ -170,8 +240,8 @@ def _fitted(
     holdout: Holdout,
     prior: Sequence[float] | None,
 ) -> _Fit:
-    chain = DEFAULT
-    pairs = [(view, aligned(corrected(view, chosen))) for view in views]
+    chain = chain_of(views[0])
+    pairs = [(view, aligned(in_time(corrected(view, chosen), chosen))) for view in views]
     structure = RobotStructure(base.model)
     known = prior is not None and all(view.load is not None for view in views)
     shown = [] if known else shows_robot(pairs)
@@ -275,24 +345,6 @@ def _held(
         targets.append(other.target[:: max(1, round(view.rate_hz / SERIES_RATE_HZ))][rows])
         residuals.append((part.target - part.fit)[rows])
     return np.concatenate(targets), np.concatenate(residuals)
-
-
-def _judge(
-    equations: Sequence[tuple[View, Equation]],
-    value: Floats,
-    holdout: Holdout,
-    names: Sequence[str],
-    rms: dict[str, float],
-    vaf: dict[str, float],
-) -> None:
-    target, residual = _held(equations, value, holdout)
-    for channel, name in enumerate(names):
-        rms[name] = float(np.sqrt(np.mean(residual[:, channel] ** 2)))
-        vaf[name] = _vaf(residual[:, channel], float(np.var(target[:, channel])))
-
-
-def _vaf(residual: Floats, spread: float) -> float:
-    return float(100 * (1 - np.var(residual) / max(spread, 1e-300)))
 
 
 def _load_numbers(load: LoadModel, estimate: Estimate, handle_mass_kg: float) -> dict[str, Number]:

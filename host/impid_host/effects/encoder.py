@@ -4,6 +4,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
+from scipy.interpolate import BSpline
 
 from impid_host.effects.effect import (
     Candidate,
@@ -18,6 +19,7 @@ from impid_host.effects.view import Columns, View, advanced, rate_of, with_motio
 from impid_host.signals.arrays import Floats
 
 _STEP_RAD = 1e-4
+_PATH_S = 3.0  # of the clocks' path between two knots
 
 
 def shifted(view: View, joint: int, error: Floats, slope: Floats, bend: Floats) -> View:
@@ -134,7 +136,11 @@ def _drift(setting: Setting) -> Iterator[Candidate]:
             return result
 
         def read(beta: Floats, _shape: float) -> dict[str, Value]:
-            return {"seconds": [float(b) for b in beta] if len(beta) > 1 else float(beta[0])}
+            if len(beta) == 1:
+                return {"seconds": float(beta[0])}
+            u = np.linspace(-1.0, 1.0, 401)
+            path = np.polynomial.legendre.legval(u, np.concatenate([np.zeros(2), beta]))
+            return {"seconds": float(np.ptp(path)), "legendre": [float(b) for b in beta]}
 
         yield Candidate(
             "clock.drift",
@@ -152,31 +158,46 @@ def _retimed(view: View, degrees: tuple[int, ...], beta: Floats) -> View:
     if view.theta_robot is None:
         return view
     late = sum((b * lateness(view, k) for b, k in zip(beta, degrees, strict=True)), np.zeros_like(view.t))
-    late = late + _line_left(view, advanced(view.theta_robot, view.t, late))
-    force = None if view.force is None else advanced(view.force, view.t, late)
+    u = 2 * view.t / view.t[-1] - 1
+    # The match of the clocks, disturbed by the drift, has left an offset and a rate.
+    line = np.column_stack([np.ones_like(u), u])
+    return _shifted_by(view, late + _lateness_left(view, advanced(view.theta_robot, view.t, late), line))
+
+
+def resynchronised(view: View) -> View:
+    """The robot's signals moved by the smooth path of lateness that its angles show against the module's."""
+    if view.theta_robot is None:
+        return view
+    knots = max(2, int(view.t[-1] / _PATH_S))
+    inside = np.linspace(view.t[0], view.t[-1], knots + 1)
+    ends = np.concatenate([np.repeat(inside[0], 3), inside, np.repeat(inside[-1], 3)])
+    basis = BSpline.design_matrix(np.clip(view.t, inside[0], inside[-1]), ends, 3).toarray()
+    return _shifted_by(view, _lateness_left(view, view.theta_robot, basis))
+
+
+def _shifted_by(view: View, late: Floats) -> View:
+    assert view.theta_robot is not None
     return replace(
         view,
         tau=advanced(view.tau, view.t, late),
         theta_robot=advanced(view.theta_robot, view.t, late),
-        force=force,
+        force=None if view.force is None else advanced(view.force, view.t, late),
     )
 
 
-def _line_left(view: View, theta_robot: Floats) -> Floats:
-    """Lateness that the match of the clocks, disturbed by the drift, has left: offset and rate, s, (N,)."""
-    u = 2 * view.t / view.t[-1] - 1
+def _lateness_left(view: View, theta_robot: Floats, basis: Floats) -> Floats:
+    """Lateness (N,), s, of the robot's angles within the span of `basis` (N, k)."""
     rows = view.valid
     blocks, targets = [], []
     for joint in range(theta_robot.shape[1]):
-        w = -view.omega[:, joint]
-        level = np.zeros((len(u), theta_robot.shape[1]))
+        level = np.zeros((len(basis), theta_robot.shape[1]))
         level[:, joint] = 1.0
-        blocks.append(np.column_stack([w, w * u, level])[rows])
+        blocks.append(np.column_stack([-view.omega[:, joint, None] * basis, level])[rows])
         targets.append((theta_robot[:, joint] - view.theta[:, joint])[rows])
     design = np.concatenate(blocks)
     size = np.linalg.norm(design, axis=0) + 1e-300
-    value = np.linalg.lstsq(design / size, np.concatenate(targets), rcond=1e-10)[0] / size
-    return np.asarray(value[0] + value[1] * u, dtype=np.float64)
+    value = np.linalg.lstsq(design / size, np.concatenate(targets), rcond=1e-8)[0] / size
+    return np.asarray(basis @ value[: basis.shape[1]], dtype=np.float64)
 
 
 EFFECTS = (
@@ -198,9 +219,10 @@ EFFECTS = (
     ),
     Effect(
         "clock.drift",
-        "what a row of the robot's shows is late by seconds * P_k(time), k = 2 and up: Legendre polynomials",
+        "the robot's rows are late by seconds * P_2(time), a Legendre polynomial over the trial; or by those up"
+        " to P_5, and seconds is their sum from peak to peak",
         "clock",
-        (Parameter("seconds", "s"),),
+        (Parameter("seconds", "s"), Parameter("legendre", "s")),
         "study format, Conventions",
         _drift,
     ),
