@@ -13,9 +13,11 @@ from numpy.typing import NDArray
 from impid_host.impedance.campaign import StudyFit
 from impid_host.impedance.identify import LoadFit, RobotFit
 from impid_host.impedance.rows import Series
+from impid_host.impedance.stochastic import SpectralFit
 from impid_host.report.ellipses import ellipse_figure
 from impid_host.report.fit_tables import judged_on
 from impid_host.report.parameter_entries import parameter_entries
+from impid_host.report.spectral_plots import coherence_figure, detection_figure, impedance_figure
 
 _STYLE: dict[Any, Any] = {
     "font.size": 8,
@@ -55,7 +57,27 @@ def draw_study(result: StudyFit, folder: Path) -> list[Path]:
                 paths.append(_save(figure, folder / f"ellipses_{load}.png"))
             if len(fits) > 1:
                 paths.append(_save(force_figure(*fits[:2]), folder / f"force_{load}.png"))
+    for fit in result.spectral:
+        for name, figure in shaken_figures(fit).items():
+            paths.append(_save(figure, folder / f"{name}_{fit.load}_{fit.method.split()[0]}.png"))
     return paths
+
+
+def shaken_figures(fit: SpectralFit) -> dict[str, Figure]:
+    """Impedance and coherences of one stochastic load, and what a periodic perturbation shows, by name."""
+    best = fit.estimate.best.weighted_fit
+    title = f"{fit.load}, {fit.method}, {len(fit.trials)} trial(s)"
+    estimates = {fit.setting: [fit.estimate]}
+    figures = {
+        "impedance": impedance_figure(estimates, (best.M, best.B, best.K), f"{title}; model: weighted fit"),
+        "coherence": coherence_figure(estimates, title),
+    }
+    if fit.periodic is not None:
+        for axis, label in enumerate("xy"):
+            figures[f"distortion_{label}"] = detection_figure(
+                {f"along {label}": fit.periodic.distortion}, fit.periodic.period_s, axis, title
+            )
+    return figures
 
 
 def robot_figure(fit: RobotFit) -> Figure:
