@@ -156,6 +156,7 @@ def command(
             spectral=result.spectral,
             constrained=tight,
             joints=joints,
+            partial=result.partial,
         )
         if provenance is not None:
             document["model"] = asdict(provenance)

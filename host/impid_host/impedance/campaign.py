@@ -7,7 +7,8 @@ import numpy as np
 
 from impid_host.errors import UndeterminedError
 from impid_host.impedance.identify import LoadFit, RobotFit, RobotParameters, identify_load, identify_robot
-from impid_host.impedance.loads import LoadKind, load_model
+from impid_host.impedance.loads import LoadKind, LoadModel, load_model
+from impid_host.impedance.partial import PartialLoadFit, identify_partially
 from impid_host.impedance.rows import Split
 from impid_host.impedance.stochastic import SpectralFit, fit_spectral, shaken
 from impid_host.robot.model import RobotModel, robot_model
@@ -36,7 +37,10 @@ class Options:
 
 @dataclass(frozen=True, slots=True)
 class StudyFit:
-    """All that `fit` found out about a study; `robot` is a RobotFit unless the prior had to stand in."""
+    """All that `fit` found out about a study; `robot` is a RobotFit unless the prior had to stand in.
+
+    `partial` holds the loads whose trials do not determine all of them.
+    """
 
     study: str
     chain: str
@@ -45,6 +49,7 @@ class StudyFit:
     loads: tuple[LoadFit, ...]
     spectral: tuple[SpectralFit, ...] = ()
     handle_mass_kg: float = 0.0
+    partial: tuple[PartialLoadFit, ...] = ()
 
 
 Progress = Callable[[str], None]
@@ -97,9 +102,15 @@ def fit_aligned(
     parameters = robot.parameters if isinstance(robot, RobotFit) else robot
     loads: list[LoadFit] = []
     spectral: list[SpectralFit] = []
+    partial: list[PartialLoadFit] = []
     for members in _by_load(list(trials)):
         progress(f"identifying {members[0].load}")
-        loads += fit_load(members, study.setup, model, parameters, options, _shaken(study, members))
+        kind = _shaken(study, members)
+        try:
+            loads += fit_load(members, study.setup, model, parameters, options, kind)
+        except UndeterminedError as error:
+            partial += fit_partially(members, model, parameters, options, error, kind)
+            continue
         if members[0].kind == "stochastic":
             progress(f"spectra of {members[0].load}")
             spectral += fit_shaken(study, members, model, parameters, options)
@@ -111,6 +122,7 @@ def fit_aligned(
         tuple(loads),
         tuple(spectral),
         study.setup.handle_mass_kg,
+        tuple(partial),
     )
 
 
@@ -131,6 +143,39 @@ def fit_load(
     Raises:
         UndeterminedError: the load's trials are of more than one kind.
     """
+    load, rounds = _asked(members, model, robot, kind)
+    return [
+        identify_load(
+            part, load, options.chain, options.split, robot=known, handle_mass_kg=setup.handle_mass_kg
+        )
+        for part, known in rounds
+    ]
+
+
+def fit_partially(
+    members: list[AlignedTrial],
+    model: RobotModel,
+    robot: RobotParameters,
+    options: Options,
+    error: UndeterminedError,
+    kind: LoadKind | None = None,
+) -> list[PartialLoadFit]:
+    """What the trials do determine of a load that `fit_load` refused with `error`.
+
+    Raises:
+        UndeterminedError: `error`, where open combinations were not its reason.
+    """
+    load, rounds = _asked(members, model, robot, kind)
+    return [
+        identify_partially(part, load, options.chain, options.split, robot=known, error=error)
+        for part, known in rounds
+    ]
+
+
+def _asked(
+    members: list[AlignedTrial], model: RobotModel, robot: RobotParameters, kind: LoadKind | None
+) -> tuple[LoadModel, list[tuple[list[AlignedTrial], RobotParameters | None]]]:
+    """The load's model, and which trials serve which method."""
     kinds = {trial.kind for trial in members}
     if len(kinds) > 1:
         raise UndeterminedError(
@@ -140,12 +185,7 @@ def fit_load(
     # A log's fx, fy are forces in the plane; a single axis has only its own.
     planar = len(model.task_axes) == 2
     measured = [trial for trial in members if trial.force is not None and planar]
-    return [
-        identify_load(
-            part, load, options.chain, options.split, robot=known, handle_mass_kg=setup.handle_mass_kg
-        )
-        for part, known in _rounds(members, measured, robot)
-    ]
+    return load, _rounds(members, measured, robot)
 
 
 def fit_shaken(

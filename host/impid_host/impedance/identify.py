@@ -174,12 +174,7 @@ def identify_load(
     Raises:
         UndeterminedError: the trials do not determine the parameters, or have no forces for Method 2.
     """
-    if robot is None:
-        equations = [physical_equation(trial, load, chain) for trial in trials]
-    else:
-        equations = [virtual_equation(trial, robot, load, chain) for trial in trials]
-        _require_seen(equations, robot, trials[0].load)
-    rows = _fit_rows(equations, chain, split)
+    equations, rows = load_rows(trials, load, chain, split, robot)
     with _named(f"load {trials[0].load}", trials):
         estimate = fit_linear(
             rows,
@@ -193,7 +188,7 @@ def identify_load(
     return LoadFit(
         load=trials[0].load,
         model=load,
-        method="physical sensor" if robot is None or load.rotary else "virtual sensor",
+        method=method_of(load, robot),
         estimate=estimate,
         M=matrices.M,
         B=matrices.B,
@@ -206,6 +201,23 @@ def identify_load(
         sources=tuple(trial.source for trial in trials),
         robot_origin=None if robot is None else robot.origin,
     )
+
+
+def load_rows(
+    trials: Sequence[AlignedTrial], load: LoadModel, chain: Chain, split: Split, robot: RobotParameters | None
+) -> tuple[list[Equation], list[Stretch]]:
+    """A load's equations, and the rows of them that are fitted; arguments and errors as `identify_load`."""
+    if robot is None:
+        equations = [physical_equation(trial, load, chain) for trial in trials]
+    else:
+        equations = [virtual_equation(trial, robot, load, chain) for trial in trials]
+        _require_seen(equations, robot, trials[0].load)
+    return equations, _fit_rows(equations, chain, split)
+
+
+def method_of(load: LoadModel, robot: RobotParameters | None) -> Method:
+    """Method 1 needs a robot; a rotary load's torque is measured at the load."""
+    return "physical sensor" if robot is None or load.rotary else "virtual sensor"
 
 
 def _require_seen(equations: Sequence[Equation], robot: RobotParameters, load: str) -> None:

@@ -10,6 +10,7 @@ from impid_host.impedance.constrained import Constrained
 from impid_host.impedance.identify import LoadFit, RobotFit, RobotParameters
 from impid_host.impedance.joint_space import JointImpedance
 from impid_host.impedance.matrices import Quantity
+from impid_host.impedance.partial import PartialLoadFit
 from impid_host.impedance.periodic import Periodic
 from impid_host.impedance.stochastic import SpectralFit, quantities_of
 from impid_host.signals.align import AlignedTrial
@@ -29,11 +30,14 @@ def fit_json(
     spectral: Sequence[SpectralFit] = (),
     constrained: Sequence[Constrained] = (),
     joints: Sequence[JointImpedance] = (),
+    partial: Sequence[PartialLoadFit] = (),
 ) -> Json:
     """The result of `fit`, format impid-fit/1. SI units; vectors [x, y], matrices [[xx, xy], [yx, yy]]."""
     by_load: dict[str, Json] = {}
     for fit in loads:
         by_load.setdefault(fit.load, {"model": fit.model.name})[_METHODS[fit.method]] = _load(fit)
+    for some in partial:
+        by_load.setdefault(some.load, {"model": some.model.name})[_METHODS[some.method]] = _partial(some)
     for shaken in spectral:
         by_load[shaken.load].setdefault("spectral", {})[_METHODS[shaken.method]] = _spectral(shaken)
     for tight in constrained:
@@ -120,6 +124,20 @@ def _load(fit: LoadFit) -> Json:
         "validation_rms": _keyed(keys, fit.rms),
         "relative_error_percent": fit.estimate.relative_error_percent,
         "trials": [part.trial for part in fit.series],
+    }
+
+
+def _partial(fit: PartialLoadFit) -> Json:
+    own = fit.estimate
+    return {
+        "combinations": {
+            name: {"value": float(value), "unit": unit, "ci95": ci.tolist(), "sd": float(sd)}
+            for name, value, unit, ci, sd in zip(
+                own.names, own.value, own.units, own.ci95, own.sd, strict=True
+            )
+        },
+        "reason": fit.reason,
+        "trials": list(fit.trials),
     }
 
 

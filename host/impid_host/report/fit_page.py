@@ -12,6 +12,7 @@ from impid_host.report.fit_tables import (
     constrained_table,
     joint_table,
     load_table,
+    partial_table,
     robot_table,
     spectral_table,
 )
@@ -55,6 +56,8 @@ def _parts(
         shaken = [fit for fit in result.spectral if fit.load == load]
         if shaken:
             yield spectral_table(shaken)
+    for fit in result.partial:
+        yield partial_table(fit)
 
 
 def _pairs(fits: Sequence[LoadFit], constrained: Sequence[Constrained]) -> list[tuple[LoadFit, Constrained]]:

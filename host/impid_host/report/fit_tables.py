@@ -10,6 +10,7 @@ from impid_host.clock.robot import RobotClockFit
 from impid_host.impedance.constrained import Constrained
 from impid_host.impedance.identify import LoadFit, RobotFit
 from impid_host.impedance.joint_space import JointImpedance
+from impid_host.impedance.partial import PartialLoadFit
 from impid_host.impedance.stochastic import SpectralFit
 from impid_host.report.parameter_entries import parameter_entries
 from impid_host.signals.arrays import Floats
@@ -57,6 +58,20 @@ def load_table(fits: Sequence[LoadFit]) -> Table:
     for axis, label in enumerate(first.model.axes):
         unit = first.model.force_unit
         table.add_row(f"residual rms {label}", *(f"{fit.rms[axis]:.3g}" for fit in fits), unit)
+    return table
+
+
+def partial_table(fit: PartialLoadFit) -> Table:
+    """The combinations that a load's trials determine."""
+    what = f"Load {fit.load} ({fit.model.name}), {len(fit.trials)} trial(s), {_METHODS[fit.method]}"
+    table = _table(f"{what}: not all of it", fit.reason)
+    for heading in ("combination", "value", "95 % interval", "unit"):
+        table.add_column(
+            heading, justify="left" if heading in ("combination", "unit") else "right", overflow="fold"
+        )
+    own = fit.estimate
+    for name, unit, value, ci in zip(own.names, own.units, own.value, own.ci95, strict=True):
+        table.add_row(name, number(value, ci), interval(ci), unit)
     return table
 
 
