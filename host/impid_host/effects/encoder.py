@@ -219,7 +219,7 @@ EFFECTS = (
     ),
     Effect(
         "clock.drift",
-        "the robot's rows are late by seconds * P_2(time), a Legendre polynomial over the trial; or by those up"
+        "the robot's rows are late by seconds * P_2(time), a Legendre polynomial over the trial; or by all up"
         " to P_5, and seconds is their sum from peak to peak",
         "clock",
         (Parameter("seconds", "s"), Parameter("legendre", "s")),
