@@ -5,6 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from impid_host.effects.effect import Candidate, Effect, Parameter, Setting, Value, by_load
+from impid_host.effects.reflex import reflex_candidates
 from impid_host.effects.view import Columns, View
 from impid_host.signals.arrays import Floats
 
@@ -194,6 +195,7 @@ def _delay(setting: Setting) -> Iterator[Candidate]:
         size=2,
         shapes=shapes,
     )
+    yield from reflex_candidates(setting)
 
 
 def _drift(setting: Setting) -> Iterator[Candidate]:
@@ -288,7 +290,12 @@ EFFECTS = (
         "load.delay",
         "-F_ext += gain_k d(t - delay) + gain_b x'(t - delay)",
         "load",
-        (Parameter("delay", "s", 0, 0.3), Parameter("gain_k", "N/m"), Parameter("gain_b", "N*s/m")),
+        (
+            Parameter("delay", "s", 0, 0.3),
+            Parameter("gain_k", "N/m"),
+            Parameter("gain_b", "N*s/m"),
+            Parameter("corner_rad_s", "rad/s"),
+        ),
         "Kearney, Stein, Parameswaran, IEEE Trans. Biomed. Eng. 44 (1997)",
         _delay,
     ),
