@@ -19,7 +19,8 @@ from impid_host.impedance.spectral.disagreement import Disagreement, disagreemen
 from impid_host.impedance.spectral.estimate import SpectralEstimate, TrialSignals, estimate_spectral
 from impid_host.impedance.spectral.normality import NormalityCheck
 from impid_host.impedance.spectral.second_order import SecondOrderFit
-from impid_host.impedance.spectral.welch import FINE, SMOOTH, WelchSetting
+from impid_host.impedance.spectral.transforms import MARGIN
+from impid_host.impedance.spectral.welch import FINE, SMOOTH, WelchSetting, independent_averages
 from impid_host.impedance.virtual_sensor import external_force, through_jacobian
 from impid_host.robot.model import RobotModel
 from impid_host.signals.align import AccelerationSource, AlignedTrial, align
@@ -30,6 +31,8 @@ from impid_host.study.model import Setup, Trial
 
 # Spectra need the whole band of the perturbation and as much of the record as filters leave.
 WIDE = replace(DEFAULT, finish=None, edge_s=0.3)
+# Of two inputs; with two the spectra explain everything, noise included.
+FEWEST_AVERAGES = 4.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,9 +115,12 @@ def fit_spectral(
     rate = trials[0].rate_hz
     window, setting = _setting(name, [len(run.force) for run in runs], rate)
     known = robot is not None and bool(np.any(robot.covariance))
-    estimate = estimate_spectral(
-        runs, rate, setting, slope_covariance=robot.covariance if robot is not None and known else None
-    )
+    try:
+        estimate = estimate_spectral(
+            runs, rate, setting, slope_covariance=robot.covariance if robot is not None and known else None
+        )
+    except UndeterminedError as error:
+        raise UndeterminedError(f"load {name}: {error}") from error
     periodic = periodic_response(whole, shaken_trials)
     if periodic is not None:
         # A few sinusoids that repeat themselves are not normally distributed, nor need they be.
@@ -178,14 +184,20 @@ def _unaveraged(x: Floats, period: float) -> Floats:
 
 
 def _setting(name: str, lengths: Sequence[int], rate: float) -> tuple[str, WelchSetting]:
-    """[P]'s long window where every trial holds one, else the short one."""
+    """[P]'s long window where the trials hold enough of them, else the short one."""
     for label, setting in (("long window", FINE.scaled(rate)), ("short window", SMOOTH.scaled(rate))):
         # Some samples more, which the derivatives take.
-        if min(lengths) >= setting.n_window + 20:
+        own = [length - 2 * MARGIN for length in lengths]
+        if (
+            min(own) >= setting.n_window
+            and sum(independent_averages(setting, n) for n in own) >= FEWEST_AVERAGES
+        ):
             return label, setting
+    window_s = SMOOTH.scaled(rate).n_window / rate
     raise UndeterminedError(
-        f"load {name}: the longest unbroken stretch is {max(lengths) / rate:.1f} s; spectra need at least "
-        f"{SMOOTH.scaled(rate).n_window / rate:.1f} s in every stochastic trial"
+        f"load {name}: {len(lengths)} trial(s) of {min(lengths) / rate:.1f} s and more are too short for spectra; "
+        f"each needs an unbroken stretch of {window_s:.1f} s, all together about {3 * window_s:.0f} s: "
+        "record longer trials"
     )
 
 

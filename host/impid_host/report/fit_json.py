@@ -163,8 +163,14 @@ def _spectral(fit: SpectralFit) -> Json:
         "against_time_domain": {
             "verdict": both.verdict,
             "quantities": {
-                name: {"time_domain": float(a), "spectral": float(b), "standard_errors_apart": float(z)}
-                for name, a, b, z in zip(both.names, both.first, both.second, both.z, strict=True)
+                name: {
+                    "time_domain": float(both.first[k]),
+                    "time_domain_sd": float(both.first_sd[k]),
+                    "spectral": float(both.second[k]),
+                    "spectral_sd": float(both.second_sd[k]),
+                    "standard_errors_apart": float(both.z[k]),
+                }
+                for k, name in enumerate(both.names)
             },
         },
         "periodic": None if fit.periodic is None else _periodic(fit.periodic),

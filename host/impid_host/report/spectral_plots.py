@@ -187,7 +187,7 @@ def detection_figure(
     with mpl.rc_context(STYLE):
         columns = min(2, len(results))
         rows = -(-len(results) // columns)
-        figure = Figure(figsize=(WIDTH_IN, 2.3 * rows))
+        figure = Figure(figsize=(WIDTH_IN, 2.3 * rows + 0.7))
         panels = np.atleast_1d(figure.subplots(rows, columns, sharex=True, sharey=True)).ravel()
         for panel, (label, by_axis) in zip(panels, results.items(), strict=False):
             level = by_axis[axis]
@@ -208,7 +208,8 @@ def detection_figure(
         for panel in panels[len(results) :]:
             panel.set_axis_off()
         figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=4)
-        figure.supxlabel("frequency (Hz)")
+        for panel in panels[-columns:]:
+            panel.set_xlabel("frequency (Hz)")
         figure.supylabel(f"{AXES[axis]} (mm per line)")
         figure.suptitle(title)
     return figure
