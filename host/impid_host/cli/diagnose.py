@@ -52,7 +52,7 @@ def command(study: Path, json_to: str | None, figures: Path | None, save_model: 
         from impid_host.report.diagnosis_figures import draw_diagnosis  # noqa: PLC0415  (matplotlib is slow)
 
         drawn = draw_diagnosis(answer, figures)
-        click.echo(f"{len(drawn)} figures in {figures}", err=True)
+        click.echo(f"{len(drawn)} figure{'s' if len(drawn) > 1 else ''} in {figures}", err=True)
     if save_model is not None:
         write_model(answer, read, save_model)
     if json_to is not None:

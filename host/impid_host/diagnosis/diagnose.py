@@ -35,6 +35,7 @@ from impid_host.diagnosis.shapes import structures
 from impid_host.diagnosis.smooth import smooth_candidates
 from impid_host.diagnosis.stages import Bench, named_stages, unattributed_stage
 from impid_host.diagnosis.ties import ties
+from impid_host.diagnosis.traces import traces
 from impid_host.diagnosis.wander import wandering
 from impid_host.diagnosis.whiten import noise_models, whitened
 from impid_host.effects.catalogue import candidates
@@ -134,6 +135,8 @@ def diagnose(study: Study, progress: Progress = _silent) -> Diagnosis:
         stages=stages,
         floor=floor,
         told=told,
+        traces=traces(bench, bench.fit([]), fit),
+        prismatic=case.base.model.name == "slide-1d",
         share_unexplained=float(after / before),
         above_noise_floor=bool(left) or any(last[key] > _ABOVE * floor[key] for key in last),
         structure=tuple(left),

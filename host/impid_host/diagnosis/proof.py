@@ -105,7 +105,7 @@ def aligned(view: View) -> AlignedTrial:
 
 
 @dataclass(frozen=True, slots=True)
-class _Fit:
+class StageFit:
     """Robot and loads as `fit` finds them in corrected signals.
 
     Attributes:
@@ -140,12 +140,12 @@ def report(
     Raises:
         UndeterminedError: the fit part does not determine the parameters.
     """
-    fit = _fitted(views, chosen, base, holdout, prior)
+    fit = fitted(views, chosen, base, holdout, prior)
     if covariance is not None and len(covariance):
         fit = _widened(fit, views, chosen, covariance, base, holdout, prior)
     errors = _errors(fit, base, holdout)
     # The same measure for every stage: how much the signals vary as they were measured.
-    measured = _errors(_fitted(views, [], base, holdout, prior), base, holdout) if chosen else errors
+    measured = _errors(fitted(views, [], base, holdout, prior), base, holdout) if chosen else errors
     rms = {key: error.rms for key, error in errors.items()}
     vaf = {
         key: float(100 * (1 - error.variance / max(measured[key].spread, 1e-300)))
@@ -168,7 +168,7 @@ class _Error:
     spread: float
 
 
-def _errors(fit: _Fit, base: Base, holdout: Holdout) -> dict[str, _Error]:
+def _errors(fit: StageFit, base: Base, holdout: Holdout) -> dict[str, _Error]:
     result: dict[str, _Error] = {}
     if fit.free:
         target, residual = _held(fit.free, fit.robot.value, holdout)
@@ -233,13 +233,13 @@ def channel(start: str, letter: str, *, has_torque: bool) -> str:
     return "tau1_load" if has_torque else "tau1"
 
 
-def _fitted(
+def fitted(
     views: Sequence[View],
     chosen: Sequence[Chosen],
     base: Base,
     holdout: Holdout,
     prior: Sequence[float] | None,
-) -> _Fit:
+) -> StageFit:
     chain = chain_of(views[0])
     pairs = [(view, aligned(in_time(corrected(view, chosen), chosen))) for view in views]
     structure = RobotStructure(base.model)
@@ -267,18 +267,18 @@ def _fitted(
         )
         if all(trial.force is not None for _, trial in members):
             physical[name] = [(view, physical_equation(trial, load, chain)) for view, trial in members]
-    return _Fit(alpha, robot, loads, free, virtual, physical)
+    return StageFit(alpha, robot, loads, free, virtual, physical)
 
 
 def _widened(
-    fit: _Fit,
+    fit: StageFit,
     views: Sequence[View],
     chosen: Sequence[Chosen],
     covariance: Floats,
     base: Base,
     holdout: Holdout,
     prior: Sequence[float] | None,
-) -> _Fit:
+) -> StageFit:
     """The fit, with the effects' uncertainty propagated into its covariances.
 
     What is left of the effects' errors is orthogonal to the errors at known effects (partitioned least
@@ -289,7 +289,7 @@ def _widened(
     for k in range(len(vector)):
         step = np.zeros_like(vector)
         step[k] = size[k]
-        other = _fitted(views, at(chosen, vector + step), base, holdout, prior)
+        other = fitted(views, at(chosen, vector + step), base, holdout, prior)
         moved.append((other, step[k]))
 
     def wider(own: Estimate, others: Sequence[Estimate]) -> Estimate:
@@ -304,7 +304,7 @@ def _widened(
     return replace(fit, alpha=alpha, loads=loads)
 
 
-def _alpha_number(fit: _Fit) -> Number:
+def _alpha_number(fit: StageFit) -> Number:
     if fit.alpha is not None:
         return Number(fit.alpha.value, fit.alpha.ci95, "SI", fit.alpha.covariance)
     return Number(fit.robot.value, np.stack([fit.robot.value, fit.robot.value], axis=1), "SI")

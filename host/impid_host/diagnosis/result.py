@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from impid_host.effects.effect import Candidate, Value
-from impid_host.signals.arrays import Floats
+from impid_host.signals.arrays import Floats, Mask
 
 UNATTRIBUTED = "unattributed"
 
@@ -142,12 +142,32 @@ class Floor:
 
 
 @dataclass(frozen=True, slots=True)
+class Trace:
+    """The residual of one channel along one trial, every 10 ms.
+
+    Attributes:
+        t: s, (N,); held_out: rows that took no part, (N,).
+        before, after: residual of the first and of the last stage, N m or N, (N,).
+        motion: what it may depend on, by name, (N,) each, SI.
+    """
+
+    channel: str
+    trial: str
+    t: Floats
+    held_out: Mask
+    before: Floats
+    after: Floats
+    motion: Mapping[str, Floats]
+
+
+@dataclass(frozen=True, slots=True)
 class Diagnosis:
     """The whole answer.
 
     Attributes:
         floor: by channel, what noise alone leaves in the residual; told: by what that is known.
         notes: what a reader must know: no accelerometer, trials left out.
+        traces: residuals, to look at; prismatic: torques are forces, angles are places.
     """
 
     study: str
@@ -161,6 +181,8 @@ class Diagnosis:
     ambiguous: tuple[Tie, ...] = ()
     notes: tuple[str, ...] = field(default=())
     told: Floor = Floor({}, {}, {})
+    traces: tuple[Trace, ...] = ()
+    prismatic: bool = False
 
 
 def as_array(value: Value) -> Floats:

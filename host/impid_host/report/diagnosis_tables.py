@@ -1,24 +1,37 @@
 """A diagnosis as tables to read in a terminal."""
 
+from collections.abc import Iterator
+
+import numpy as np
 from rich.table import Column, Table
 
-from impid_host.diagnosis.result import Diagnosis, Number
+from impid_host.diagnosis.result import Diagnosis, Number, Stage
+from impid_host.report.diagnosis_json import LEAST_P
+from impid_host.report.diagnosis_units import channel_unit
+
+_AXES = ("x", "y")
+
+
+def stage_name(stage: Stage) -> str:
+    """What the stage adds."""
+    return "papers' model" if stage.added is None else f"+ {stage.added.effect}@{'+'.join(stage.added.where)}"
 
 
 def stage_table(diagnosis: Diagnosis) -> Table:
     """Error on held-out data, stage by stage."""
     keys = list(diagnosis.stages[0].rms)
-    title = f"{diagnosis.study}: rms (N m, N) and VAF on held-out data"
-    table = Table(Column("model", no_wrap=True), *keys, title=title, title_justify="left")
+    heads = [f"{key} ({channel_unit(key, diagnosis.prismatic)})" for key in keys]
+    title = f"{diagnosis.study}: rms and VAF on held-out data"
+    table = Table(Column("model", no_wrap=True), *heads, title=title, title_justify="left")
     for number, stage in enumerate(diagnosis.stages):
-        name = (
-            "papers' model"
-            if stage.added is None
-            else f"+ {stage.added.effect}@{'+'.join(stage.added.where)}"
-        )
         row = [f"{stage.rms[key]:.3g}\n{stage.vaf[key]:.2f} %" for key in keys]
-        table.add_row(name, *row, end_section=number == len(diagnosis.stages) - 1)
-    table.add_row("noise floor", *(f"{diagnosis.floor[key]:.3g}" for key in keys))
+        table.add_row(stage_name(stage), *row, end_section=number == len(diagnosis.stages) - 1)
+    told = diagnosis.told
+    floor = [f"{diagnosis.floor[key]:.3g}\n{told.origin(key)}" for key in keys]
+    table.add_row("noise floor\nby", *floor)
+    for words, values in (("repeated motion", told.repeated), ("data sheet and resolution", told.specified)):
+        if values:
+            table.add_row(words, *(f"{values[key]:.3g}" if key in values else "" for key in keys))
     return table
 
 
@@ -28,7 +41,7 @@ def effect_table(diagnosis: Diagnosis) -> Table:
     for stage in diagnosis.stages[1:]:
         found = stage.added
         assert found is not None
-        words = ", ".join(f"{name} {number_words(number)}" for name, number in found.parameters.items())
+        words = "\n".join(f"{name} {number_words(number)}" for name, number in found.parameters.items())
         rival = found.runner_up
         second = (
             ""
@@ -39,21 +52,79 @@ def effect_table(diagnosis: Diagnosis) -> Table:
             f"{found.effect}@{'+'.join(found.where)}",
             words,
             f"{100 * found.share_of_residual:.0f} %",
-            f"{found.p_value:.1g}",
+            f"{found.p_value:.1g}" if found.p_value > LEAST_P else "< 1e-300",
             second,
         )
     return table
 
 
 def parameter_table(diagnosis: Diagnosis) -> Table:
-    """What would have been reported without the effects, and what is with them."""
-    first, last = diagnosis.stages[0], diagnosis.stages[-1]
-    table = Table("", "papers' model", "with the effects found", title_justify="left")
-    table.add_row("alpha", number_words(first.alpha), number_words(last.alpha), end_section=True)
-    for name, load in first.loads.items():
-        for letter, number in load.items():
-            table.add_row(f"{name} {letter}", number_words(number), number_words(last.loads[name][letter]))
+    """What would have been reported without the effects, and what is with them, entry by entry."""
+    names = ["would have been reported" if s.added is None else stage_name(s) for s in diagnosis.stages]
+    columns = [*names, "change"]
+    title = "robot and loads by the papers' model and with what was found (95 % intervals)"
+    table = Table("", *columns, title=title, title_justify="left")
+    rows = [dict(_entries(stage)) for stage in diagnosis.stages]
+    group = ""
+    for label in dict.fromkeys(label for row in rows for label in row):
+        head = label.split()[0] if " " in label else "robot"
+        if group and head != group:
+            table.add_section()
+        group = head
+        own = [row.get(label) for row in rows]
+        cells = ["" if entry is None else _words(*entry) for entry in own]
+        table.add_row(label, *cells, _change(own[0], own[-1]))
     return table
+
+
+_EntryValue = tuple[float, float, str]
+
+
+def _entries(stage: Stage) -> Iterator[tuple[str, _EntryValue]]:
+    """Label, and value, half interval and unit, of each number that says something of its own."""
+    halves = 0.5 * (stage.alpha.ci95[:, 1] - stage.alpha.ci95[:, 0])
+    for name, value, half in zip(stage.alpha_names, stage.alpha.value, halves, strict=True):
+        yield name, (float(value), float(half), "")
+    for load, numbers in stage.loads.items():
+        for letter, number in numbers.items():
+            half = 0.5 * (number.ci95[..., 1] - number.ci95[..., 0])
+            places = _own_places(number)
+            for index in places:
+                axes = "".join(_AXES[k] for k in index) if len(places) > 1 else ""
+                entry = (float(number.value[index]), float(half[index]), number.unit)
+                yield f"{load} {letter}{axes}", entry
+
+
+def _own_places(number: Number) -> list[tuple[int, ...]]:
+    """Indices without those that repeat another by symmetry, or are zero by the load's model."""
+    value, known = number.value, np.ptp(number.ci95, axis=-1) == 0
+    places = []
+    for index in np.ndindex(value.shape):
+        mirrored = len(index) == 2 and index[0] > index[1] and value[index] == value[index[::-1]]
+        scalar = index == (1, 1) and bool(known[0, 1]) and value[1, 1] == value[0, 0]
+        if not (mirrored or scalar or (bool(known[index]) and value[index] == 0)):
+            places.append(index)
+    return places
+
+
+def _words(value: float, half: float, unit: str) -> str:
+    """A value to the digit that its interval lets one believe."""
+    if half > 0 and np.isfinite(half):
+        digits = max(0, 1 - int(np.floor(np.log10(half))))
+        text = f"{value:.{digits}f} ± {half:.{digits}f}" if digits < 8 else f"{value:.5g} ± {half:.2g}"
+    else:
+        text = f"{value:.4g}"
+    return f"{text} {unit}".strip()
+
+
+def _change(first: _EntryValue | None, last: _EntryValue | None) -> str:
+    if first is None or last is None:
+        return "" if last is None else "new"
+    if first[0] == last[0] or abs(first[0]) < 3 * first[1]:
+        return ""
+    share = 100 * (last[0] / first[0] - 1)
+    outside = abs(last[0] - first[0]) > first[1]
+    return f"{share:+.1f} %" + (", outside the interval" if outside else "")
 
 
 def number_words(number: Number) -> str:
@@ -61,4 +132,4 @@ def number_words(number: Number) -> str:
     values = number.value.ravel()
     halves = 0.5 * (number.ci95[..., 1] - number.ci95[..., 0]).ravel()
     unit = "" if number.unit in ("SI", "1") else f" {number.unit}"
-    return " ".join(f"{v:.4g}±{h:.1g}" for v, h in zip(values, halves, strict=True)) + unit
+    return ", ".join(f"{v:.4g} ± {h:.2g}" for v, h in zip(values, halves, strict=True)) + unit
