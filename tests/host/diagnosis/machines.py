@@ -58,6 +58,7 @@ class Case:
     pull: list[Callable[..., np.ndarray]] = field(default_factory=list)
     accel_gain: float = 1.0
     late_s: float = 0.0
+    quick: float = 1.0
     noise: float = TAU_NOISE
 
 
@@ -65,10 +66,10 @@ def joints_of(model: str) -> int:
     return 2 if model in ("planar-2r-relative", "urdf") else 1
 
 
-def motion(rng: np.random.Generator, centre: np.ndarray, span: np.ndarray):
-    """Ten sinusoids up to 2 Hz per joint, with peak-to-peak `span`."""
+def motion(rng: np.random.Generator, centre: np.ndarray, span: np.ndarray, quick: float = 1.0):
+    """Ten sinusoids up to 2 Hz times `quick` per joint, with peak-to-peak `span`."""
     n = len(centre)
-    w = 2 * np.pi * (np.arange(1, 11) - rng.uniform(0.0, 0.6, (n, 10))) / 5
+    w = 2 * np.pi * quick * (np.arange(1, 11) - rng.uniform(0.0, 0.6, (n, 10))) / 5
     p = rng.uniform(0, 2 * np.pi, (n, 10))
     test = np.sin(w[:, :, None] * np.arange(0, 60, 0.01) + p[:, :, None]).sum(1)
     gain = span / np.ptp(test, axis=1)
@@ -203,7 +204,7 @@ def build(case: Case, folder: Path) -> Study:
             centre, span = np.zeros(1), np.array([0.05 if number >= 0 else 0.2])
         else:
             span = np.deg2rad(np.full(n, 10.0 if number >= 0 else 40.0))
-        at = motion(rng, centre, span)
+        at = motion(rng, centre, span, case.quick)
         load = truth(case, number) if number >= 0 else None
         name = f"{'hand' if case.kind == 'arm' else 'spring'}_{'AB'[number % 2]}_{number + 1:02d}"
         name = name if number >= 0 else f"free_{index + 1:02d}"

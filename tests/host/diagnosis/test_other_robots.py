@@ -87,19 +87,44 @@ def test_a_slides_friction_is_a_force(tmp_path: Path) -> None:
 
 
 def test_a_joints_late_load_is_a_torque(tmp_path: Path) -> None:
-    """A reflex-like part of the load's torque, 60 ms late, on a joint with a torque sensor alone."""
+    """A part of the load comes 60 ms late, on a joint shaken up to 8 Hz, with a torque sensor alone."""
 
-    def reflex(t, d, v, load):
-        late = np.stack([np.interp(t - 0.06, t, column) for column in v.T], axis=1)
-        return 0.5 * late
+    def late(t, d, v, load):
+        return np.stack(
+            [
+                15.0 * np.interp(t - 0.06, t, x) + 0.4 * np.interp(t - 0.06, t, w)
+                for x, w in zip(d.T, v.T, strict=True)
+            ],
+            axis=1,
+        )
 
-    case = Case("joint-1d", seed=121, free=0, kind="arm", device=False, pull=[reflex])
+    case = Case("joint-1d", seed=121, free=0, kind="arm", device=False, pull=[late], quick=4.0)
     answer = diagnose(build(case, tmp_path))
     assert labels(answer) == ["load.delay@load"]
     found = answer.stages[1].added.parameters  # type: ignore[union-attr]
-    assert found["delay"].value == pytest.approx(0.06, abs=0.005)
-    assert found["gain_b"].unit == "N*m*s/rad"
+    assert found["delay"].value == pytest.approx(0.06, abs=0.003)
+    assert found["gain_k"].value == pytest.approx(15.0, rel=0.1)
+    assert found["gain_b"].value == pytest.approx(0.4, rel=0.1)
+    assert (found["gain_k"].unit, found["gain_b"].unit) == ("N*m/rad", "N*m*s/rad")
     assert set(answer.stages[1].rms) == {"tau1"}
+
+
+def test_a_stretch_reflex_is_a_late_load(tmp_path: Path) -> None:
+    """Kearney's reflex: one direction of stretch, 45 ms, a muscle of 2 Hz; the muscle by its own equation."""
+
+    def reflex(t, d, v, load):
+        w = 2 * np.pi * 2.0
+        stretch = np.maximum(np.interp(t - 0.045, t, v[:, 0]), 0.0)
+        impulse = w**2 * np.arange(0, 1.5, 1e-3) * np.exp(-w * np.arange(0, 1.5, 1e-3)) * 1e-3
+        return (8.0 * np.convolve(stretch, impulse)[: len(t)])[:, None]
+
+    case = Case("joint-1d", seed=123, free=0, kind="arm", device=False, pull=[reflex], quick=4.0)
+    answer = diagnose(build(case, tmp_path))
+    assert labels(answer)[0] == "load.delay@load"
+    found = answer.stages[1].added.parameters  # type: ignore[union-attr]
+    assert found["delay"].value == pytest.approx(0.045, abs=0.006)
+    assert found["gain_b"].value == pytest.approx(8.0, rel=0.2)
+    assert answer.stages[1].rms["tau1"] < 0.3 * answer.stages[0].rms["tau1"]
 
 
 def test_a_robot_that_nothing_shows_is_one_line(tmp_path: Path) -> None:
@@ -109,7 +134,7 @@ def test_a_robot_that_nothing_shows_is_one_line(tmp_path: Path) -> None:
 
 def test_the_sensor_turns_with_the_second_link(tmp_path: Path) -> None:
     """At rest under gravity a sensor on the second link reads what its angle says."""
-    case = Case("planar-2r-relative", HEAVY, seed=122, free=1, loaded=0, seconds=10.0)
+    case = Case("planar-2r-relative", HEAVY, seed=124, free=2, loaded=0, seconds=20.0)
     study = build(case, tmp_path)
     answer = diagnose(study)
     assert labels(answer) == []
