@@ -196,8 +196,8 @@ def _setting(name: str, lengths: Sequence[int], rate: float) -> tuple[str, Welch
     window_s = SMOOTH.scaled(rate).n_window / rate
     raise UndeterminedError(
         f"load {name}: {len(lengths)} trial(s) of {min(lengths) / rate:.1f} s and more are too short for "
-        f"spectra; each needs an unbroken stretch of {window_s:.1f} s, all together about {3 * window_s:.0f} s: "
-        "record longer trials"
+        f"spectra; each needs an unbroken stretch of {window_s:.1f} s, all together about "
+        f"{3 * window_s:.0f} s: record longer trials"
     )
 
 
