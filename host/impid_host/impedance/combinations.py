@@ -17,6 +17,7 @@ from impid_host.signals.arrays import Floats
 # Columns nearer to each other than this are the same to the regression, whose condition limit is 1e7.
 _TOLERANCE = 1e-6
 _NEGLIGIBLE = 1e-4
+_LOST_IN_NOISE = 1e-2
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,12 +57,43 @@ def combinations(stretches: Sequence[Stretch], names: Sequence[str]) -> Combinat
     # A column that is nothing but rounding belongs to no combination.
     moving = np.where(np.isin(rest, alive), 1.0, 0.0)
     scaled = np.linalg.lstsq(W[:, kept] / size[kept], W[:, rest] * moving, rcond=None)[0]
-    X = scaled / size[kept][:, None]
+    strength = np.abs(scaled) / np.maximum(size[rest], 1e-300)
+    return _built(names, kept, rest, scaled / size[kept][:, None], strength > _NEGLIGIBLE)
+
+
+def combinations_left(
+    directions: Floats, stretches: Sequence[Stretch], size: Floats, names: Sequence[str]
+) -> Combinations:
+    """The combinations left when the rows say nothing trustworthy along `directions` (p, k).
+
+    Args:
+        stretches: rows in which those directions are quietest; they say how columns hang together.
+        size: of each parameter's column in the rows that will be fitted, (p,).
+
+    Raises:
+        UndeterminedError: nothing is left.
+    """
+    size = np.maximum(size, _TOLERANCE * size.max())
+    order = linalg.qr((directions * size[:, None]).T, mode="r", pivoting=True)[1]
+    rest = np.sort(order[: directions.shape[1]])
+    kept = np.setdiff1d(np.arange(len(names)), rest)
+    if len(kept) == 0:
+        raise UndeterminedError("nothing moves above the accelerometer's noise in these trials")
+    W = np.concatenate([stretch.design.reshape(-1, len(names)) for stretch in stretches])
+    scaled = np.linalg.lstsq(W[:, kept] / size[kept], W[:, rest] / size[rest], rcond=None)[0]
+    X = scaled * size[rest] / size[kept][:, None]
+    return _built(names, kept, rest, X, np.abs(scaled) > _LOST_IN_NOISE)
+
+
+def _built(
+    names: Sequence[str], kept: np.ndarray, rest: np.ndarray, X: Floats, present: np.ndarray
+) -> Combinations:
+    """p_kept + X p_rest, of which only what is `present` (r, p - r) is named."""
+    X = np.where(present, X, 0.0)
     unseen = np.zeros((len(names), len(rest)))
     unseen[kept] = -X
     unseen[rest] = np.eye(len(rest))
-    strength = np.abs(scaled) / np.maximum(size[rest], 1e-300)
-    labels = tuple(_label(names, int(column), X[row], strength[row], rest) for row, column in enumerate(kept))
+    labels = tuple(_label(names, int(column), X[row], rest) for row, column in enumerate(kept))
     return Combinations(tuple(int(c) for c in kept), labels, unseen)
 
 
@@ -72,11 +104,11 @@ def needs_unseen(slope: Floats, unseen: Floats) -> bool:
     return bool(np.any(reach > _NEGLIGIBLE * np.maximum(whole, 1e-300)))
 
 
-def _label(names: Sequence[str], column: int, X: Floats, strength: Floats, rest: np.ndarray) -> str:
+def _label(names: Sequence[str], column: int, X: Floats, rest: np.ndarray) -> str:
     terms = [
         f"{'+' if factor > 0 else '-'} {_times(abs(factor))}{names[other]}"
-        for factor, part, other in zip(X, strength, rest, strict=True)
-        if part > _NEGLIGIBLE
+        for factor, other in zip(X, rest, strict=True)
+        if factor != 0
     ]
     return " ".join([names[column], *terms])
 

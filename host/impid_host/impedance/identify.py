@@ -1,6 +1,6 @@
 """Identification in the time domain: robot from free trials, loads by virtual and by physical sensor."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Literal
@@ -12,6 +12,7 @@ from impid_host.impedance.combinations import combinations, needs_unseen
 from impid_host.impedance.linear import Estimate, Stretch, fit_linear
 from impid_host.impedance.loads import LoadModel
 from impid_host.impedance.matrices import Quantity, load_matrices
+from impid_host.impedance.reliability import by_angles, what_noise_hides
 from impid_host.impedance.rows import Equation, Series, Split, finish, series, stretches
 from impid_host.impedance.virtual_sensor import through_jacobian
 from impid_host.robot.terms import RobotStructure
@@ -131,18 +132,22 @@ def identify_robot(
     """
     equations = [robot_equation(trial, structure, chain) for trial in trials]
     rows = _fit_rows(equations, chain, split)
+    twins = _twins(trials, lambda trial: robot_equation(trial, structure, chain), chain, split)
     names, units = structure.parameter_names, structure.parameter_units
     unseen = None
     value, covariance = np.zeros(len(names)), np.zeros((len(names), len(names)))
     with _named("robot", trials):
+        part = what_noise_hides(rows, twins, names)
         try:
-            estimate = fit_linear(rows, names, units, ar_order=chain.ar_order)
-            value, covariance = estimate.value, estimate.covariance
+            if part is None:
+                estimate = fit_linear(rows, names, units, ar_order=chain.ar_order)
+                value, covariance = estimate.value, estimate.covariance
         except UndeterminedError:
             part = combinations(rows, names)
-            kept, unseen = list(part.kept), part.unseen
-            if unseen.shape[1] == 0:
+            if part.unseen.shape[1] == 0:
                 raise
+        if part is not None:
+            kept, unseen = list(part.kept), part.unseen
             own = tuple(units[k] for k in kept)
             cut = [part.cut(stretch) for stretch in rows]
             estimate = fit_linear(cut, part.labels, own, ar_order=chain.ar_order)
@@ -176,6 +181,10 @@ def identify_load(
     """
     equations, rows = load_rows(trials, load, chain, split, robot)
     with _named(f"load {trials[0].load}", trials):
+        if what_noise_hides(rows, load_twins(trials, load, chain, split), load.parameter_names) is not None:
+            raise UndeterminedError(
+                "the motion along some axis does not rise above the accelerometer's noise"
+            )
         estimate = fit_linear(
             rows,
             load.parameter_names,
@@ -213,6 +222,27 @@ def load_rows(
         equations = [virtual_equation(trial, robot, load, chain) for trial in trials]
         _require_seen(equations, robot, trials[0].load)
     return equations, _fit_rows(equations, chain, split)
+
+
+def load_twins(trials: Sequence[AlignedTrial], load: LoadModel, chain: Chain, split: Split) -> list[Stretch]:
+    """The rows of `load_rows` by the angles, where the accelerometer was used in every trial."""
+
+    def equation(trial: AlignedTrial) -> Equation:
+        A = finish(chain, load.regressor(trial.x, trial.v, trial.a), trial.rate_hz)
+        return Equation(trial, A, np.zeros(A.shape[:2]))
+
+    return _twins(trials, equation, chain, split)
+
+
+def _twins(
+    trials: Sequence[AlignedTrial],
+    equation: Callable[[AlignedTrial], Equation],
+    chain: Chain,
+    split: Split,
+) -> list[Stretch]:
+    if any(trial.source != "accelerometer" for trial in trials):
+        return []
+    return _fit_rows([equation(by_angles(trial)) for trial in trials], chain, split)
 
 
 def method_of(load: LoadModel, robot: RobotParameters | None) -> Method:
