@@ -13,7 +13,12 @@ from pathlib import Path
 
 import numpy as np
 from impid_host.design.perturbation import design_perturbation
-from impid_host.impedance.spectral.estimate import SpectralEstimate, TrialSignals, estimate_spectral
+from impid_host.impedance.spectral.estimate import (
+    SURROGATES,
+    SpectralEstimate,
+    TrialSignals,
+    estimate_spectral,
+)
 from impid_host.impedance.spectral.welch import FINE, SMOOTH, WelchSetting
 from impid_host.report.spectral_plots import (
     agreement_figure,
@@ -72,7 +77,10 @@ def evaluate(
     trials = [shake(rng, load, 1000 * k, voluntary_N) for k in range(TRIALS)]
     expected = load if known else None
     return {
-        label: [estimate_spectral([trial], FS, setting, expected=expected) for trial in trials]
+        label: [
+            estimate_spectral([trial], FS, setting, expected=expected, surrogates=0 if known else SURROGATES)
+            for trial in trials
+        ]
         for label, setting in SETTINGS.items()
     }
 

@@ -111,7 +111,7 @@ def fit_spectral(
     if trials[0].x.shape[1] != 2:
         raise UndeterminedError(f"load {name}: stochastic trials need an end-effector that moves in a plane")
     whole = [load_signals(one, robot) for one in shaken_trials]
-    runs = [_cut(signals, one) for signals, one in zip(whole, shaken_trials, strict=True)]
+    runs = [longest_stretch(signals, one) for signals, one in zip(whole, shaken_trials, strict=True)]
     rate = trials[0].rate_hz
     window, setting = _setting(name, [len(run.force) for run in runs], rate)
     known = robot is not None and bool(np.any(robot.covariance))
@@ -201,7 +201,7 @@ def _setting(name: str, lengths: Sequence[int], rate: float) -> tuple[str, Welch
     )
 
 
-def _cut(signals: TrialSignals, one: ShakenTrial) -> TrialSignals:
+def longest_stretch(signals: TrialSignals, one: ShakenTrial) -> TrialSignals:
     """The longest unbroken stretch."""
     run = _longest(one.aligned)
     p, slope = signals.perturbation, signals.force_slope
