@@ -13,6 +13,7 @@ import signal
 import subprocess
 import time
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
@@ -103,9 +104,9 @@ def table(lines: tuple[Path, ...], made_by: str, markdown: Path | None, json_fil
 
 def carried_out(cases: list[Case], jobs: int, until: str | None) -> Any:
     """Yields lines as they are ready; no more are begun than run, so that an end comes soon."""
-    with ProcessPoolExecutor(
-        jobs, initializer=signal.signal, initargs=(signal.SIGINT, signal.SIG_IGN)
-    ) as pool:
+    fresh = get_context("spawn")  # a fork would inherit locks that threads of this process hold
+    ignore = (signal.SIGINT, signal.SIG_IGN)
+    with ProcessPoolExecutor(jobs, fresh, initializer=signal.signal, initargs=ignore) as pool:
         waiting = iter(cases)
         running: set[Future[dict[str, Any]]] = set()
         while True:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from hil_sim.effects.catalogue import ROWS
 from hil_sim.effects.entry import Entry
 from hil_sim.scenarios.schema import Scenario
+from hil_sim.trials import trial_truth
 
 Json = dict[str, Any]
 Array = NDArray[np.float64]
@@ -20,20 +21,27 @@ def bias(stage: Stage, scenario: Scenario) -> Json:
     """Of alpha and of every load's M and K: error in per cent of the truth, and in half-widths of the intervals.
 
     Several numbers are taken together as root mean squares: of relative errors for alpha, of errors over half
-    an interval for all. A symmetric matrix counts each of its numbers once; of M = m 1 there is one.
+    an interval for all. A symmetric matrix counts each of its numbers once; of M = m 1 there is one. The truth
+    is the whole of a load's mass and stiffness, with what hidden effects add to them.
     """
     alpha = np.array(scenario.world.robot.alpha)
     result = {"alpha": _compared(stage.alpha.value, stage.alpha.ci95, alpha, each=True)}
-    for name, load in stage.loads.items():
-        truth = scenario.world.loads[name]
-        for letter, matrix in (("M", truth.M_kg), ("K", truth.K_N_per_m)):
-            if letter in load:
-                result[letter] = _load(load[letter], np.array(matrix), letter)
+    for trial in scenario.trials:
+        if trial.load is not None and trial.load in stage.loads:
+            truth, load = trial_truth(scenario, trial, 0).plant.load, stage.loads[trial.load]
+            for letter, matrix in (("M", truth.M), ("K", truth.K)):
+                if letter in load:
+                    result[letter] = _load(load[letter], matrix)
     return result
 
 
-def _load(number: Number, truth: Array, letter: str) -> Json:
-    rows, columns = ([0], [0]) if letter == "M" else ([0, 0, 1], [0, 1, 1])
+def _load(number: Number, truth: Array) -> Json:
+    """Errors of a matrix' numbers, those that are the same by the load's model counted once."""
+    rows, columns = [0, 0, 1], [0, 1, 1]
+    if not all(np.array_equal(matrix, matrix.T) for matrix in (number.value, truth)):
+        rows, columns = [0, 0, 1, 1], [0, 1, 0, 1]
+    elif all(np.array_equal(matrix, matrix[0, 0] * np.eye(2)) for matrix in (number.value, truth)):
+        rows, columns = [0], [0]
     return _compared(
         number.value[rows, columns], number.ci95[rows, columns], truth[rows, columns], each=False
     )
@@ -60,7 +68,7 @@ def parameters(finding: Finding, entry: Entry) -> Json:
         name -> truth, found, relative (to the truth's distance from the effect's absence; None for phases and
         where that is zero), covered, of, and width, the intervals' mean half-width.
     """
-    truth = true_values(entry)
+    truth = true_values(entry, finding.parameters)
     neutral = {one.name: one.neutral or 0.0 for one in ROWS[entry.effect].parameters}
     result: Json = {}
     for name, number in finding.parameters.items():
@@ -92,7 +100,7 @@ def places(entry: Entry) -> tuple[str, ...]:
     return ("x", "y") if entry.effect in _BOTH_AXES and entry.where == ("sensor",) else entry.where
 
 
-def true_values(entry: Entry) -> Mapping[str, Array]:
+def true_values(entry: Entry, found: Mapping[str, Number]) -> Mapping[str, Array]:
     """The parameters as the report names them, one per place first, then components."""
     values = {
         name: np.asarray(value, dtype=np.float64)
@@ -101,6 +109,10 @@ def true_values(entry: Entry) -> Mapping[str, Array]:
     }
     if entry.effect == "elastic.transmission":
         values["inertia_over_stiffness"] = values["motor_inertia"] / values["stiffness"]
+    if entry.effect == "clock.drift" and "legendre" in found:
+        hidden = values.pop("seconds")  # which is then from peak to peak
+        values["legendre"] = np.zeros(found["legendre"].value.size)
+        values["legendre"][: hidden.size] = hidden
     return values
 
 

@@ -220,6 +220,34 @@ def test_bias_is_in_per_cent_and_in_half_widths():
     assert (found["K"]["covered"], found["K"]["of"]) == (3, 3)
 
 
+def test_a_load_is_judged_by_all_of_its_stiffness():
+    """A skew part of 100 N/m, which the papers' symmetric K cannot hold, is an error of the first stage."""
+    scenario, _ = random_scenario(7, SMALL, (), 1.0)
+    table = {"effect": "load.coupling", "K": [[0.0, -100.0], [100.0, 0.0]]}
+    skew = scenario.model_validate({**scenario.model_dump(), "effects": [table]})
+    K = np.array(scenario.world.loads["spring_L1"].K_N_per_m)
+    wide = np.full((2, 2), 60.0)
+    papers = bias(stage(loads={"spring_L1": {"K": number(K, wide)}}), skew)["K"]
+    whole = K + np.array(table["K"])
+    assert papers["percent"] == pytest.approx(100 * np.sqrt(2) * 100 / np.linalg.norm(whole))
+    assert (papers["covered"], papers["of"]) == (2, 4)
+    assert bias(stage(loads={"spring_L1": {"K": number(whole, wide)}}), skew)["K"]["percent"] == 0.0
+
+
+def test_a_drift_found_with_more_degrees_is_compared_degree_by_degree():
+    hidden = Entry("clock.drift", ("sensor",), (), {"seconds": 0.004})
+    said = finding(
+        "clock.drift",
+        ("sensor",),
+        seconds=number(0.006, 1e-4),
+        legendre=number([0.0041, 0.0002], [2e-4, 1e-4]),
+    )
+    row = parameters(said, hidden)
+    assert "seconds" not in row
+    assert row["legendre"]["relative"] == pytest.approx(np.hypot(1e-4, 2e-4) / 0.004)
+    assert (row["legendre"]["covered"], row["legendre"]["of"]) == (1, 2)
+
+
 def test_own_parameters_are_compared_place_by_place():
     hidden = Entry("friction.coulomb", ("joint1", "joint2"), (), {"torque": [0.1, 0.2]})
     said = finding("friction.coulomb", ("joint2", "joint1"), torque=number([0.19, 0.1], [0.02, 0.001]))
