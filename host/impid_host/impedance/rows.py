@@ -16,8 +16,8 @@ SERIES_RATE_HZ = 100.0
 class Split:
     """How much of each trial's end is held out for validation; [D] holds out 10 s of 50 s.
 
-    A trial shorter than five times `validation_s` gives up a fifth of its length instead; 0 holds nothing
-    out.
+    A trial shorter than five times `validation_s` gives up a fifth of its length instead, and one whose end
+    is lost to a filter's edge half as much of what is left; 0 holds nothing out.
     """
 
     validation_s: float = 10.0
@@ -28,7 +28,8 @@ class Split:
         held = min(self.validation_s, duration / 5)
         if held <= 0:
             return trial.valid, trial.valid
-        begin = duration - held
+        last = float(trial.elapsed[trial.valid][-1]) if trial.valid.any() else duration
+        begin = min(duration - held, last - held / 2)
         pause = 1 / chain.finish.cutoff_hz if chain.finish is not None else 0.1
         return trial.valid & (trial.elapsed < begin - pause), trial.valid & (trial.elapsed >= begin)
 
