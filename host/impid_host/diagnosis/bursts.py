@@ -45,31 +45,45 @@ def bursts(runs: Sequence[Run], columns: int, views: Sequence[View] = ()) -> lis
     target = np.concatenate([run.target for run in fit])
     beta = np.linalg.lstsq(design / size, target, rcond=1e-10)[0] / size
     squares: dict[str, dict[int, list[float]]] = {}
+    # Where the band is low, rows are few in a second.
+    length = max([_BLOCK_S, *(1.05 * _LEAST_ROWS * run.step_s for run in own)])
     for run in own:
         r2 = (run.target - run.design[:, :columns] @ beta) ** 2
-        block = ((run.begin_s + run.step_s * np.arange(len(r2))) // _BLOCK_S).astype(int)
+        block = ((run.begin_s + run.step_s * np.arange(len(r2))) // length).astype(int)
         for number in np.flatnonzero(np.bincount(block) >= _LEAST_ROWS):
             squares.setdefault(run.trial, {}).setdefault(int(number), []).append(
                 float(np.mean(r2[block == number]))
             )
     found = []
     total = sum(len(blocks) for blocks in squares.values())
-    haste = {view.name: _haste(view) for view in views}
+    haste = {view.name: _haste(view, length) for view in views}
     for trial, blocks in squares.items():
         # A push is felt by one channel more than by another, so the largest counts.
         level = {number: max(values) for number, values in blocks.items()}
         usual = float(np.median(list(level.values())))
         found += [
-            Burst(trial, number * _BLOCK_S, (number + 1) * _BLOCK_S, value / usual)
+            Burst(trial, number * length, (number + 1) * length, value / usual)
             for number, value in level.items()
             if value > _RATIO * usual * haste.get(trial, {}).get(number, 1.0)
         ]
-    return found if len(found) <= _MOST * total else []
+    return _joined(found) if len(found) <= _MOST * total else []
 
 
-def _haste(view: View) -> dict[int, float]:
+def _joined(found: Sequence[Burst]) -> list[Burst]:
+    """Blocks that follow one another are one event."""
+    events: list[Burst] = []
+    for burst in sorted(found, key=lambda one: (one.trial, one.begin_s)):
+        last = events[-1] if events else None
+        if last is not None and last.trial == burst.trial and burst.begin_s <= last.end_s + 1e-6:
+            events[-1] = replace(last, end_s=burst.end_s, ratio=max(last.ratio, burst.ratio))
+        else:
+            events.append(burst)
+    return events
+
+
+def _haste(view: View, length: float) -> dict[int, float]:
     """Largest mean squared speed of a joint in each block over the trial's median, 1 at least."""
-    block = (view.t // _BLOCK_S).astype(int)
+    block = (view.t // length).astype(int)
     count = np.maximum(np.bincount(block), 1)
     squares = [np.bincount(block, weights=omega**2) / count for omega in view.omega.T]
     ratio = np.max([own / max(float(np.median(own)), 1e-300) for own in squares], axis=0)
@@ -78,7 +92,7 @@ def _haste(view: View) -> dict[int, float]:
 
 def are_pushes(found: Sequence[Burst], duration_s: float) -> bool:
     """Whether so few blocks stand out in so many seconds that it is an event, not the weather."""
-    return 0 < len(found) <= max(3.0, _FEW * duration_s / _BLOCK_S)
+    return bool(found) and len(found) <= max(3.0, _FEW * duration_s / _BLOCK_S)
 
 
 def without_bursts(view: View, found: Sequence[Burst]) -> View:

@@ -17,7 +17,7 @@ from impid_host.diagnosis.choice import (
     supported,
     table_of,
 )
-from impid_host.diagnosis.dynamic import RESPONSE
+from impid_host.diagnosis.dynamic import RESPONSE, is_response
 from impid_host.diagnosis.evidence import base_directions, solve
 from impid_host.diagnosis.final_look import carried
 from impid_host.diagnosis.findings import findings_of
@@ -36,6 +36,7 @@ from impid_host.diagnosis.smooth import smooth_candidates
 from impid_host.diagnosis.stages import Bench, named_stages, unattributed_stage
 from impid_host.diagnosis.ties import ties
 from impid_host.diagnosis.traces import traces
+from impid_host.diagnosis.unsteady import unsteady
 from impid_host.diagnosis.wander import wandering
 from impid_host.diagnosis.whiten import noise_models, whitened
 from impid_host.effects.catalogue import candidates
@@ -106,6 +107,8 @@ def diagnose(study: Study, progress: Progress = _silent) -> Diagnosis:
     left = structures(table, active, curves, case.views)
     left += spectral_lines(table, [*active, *curves], case.taps)
     left += wandering(table, [*active, *curves], case.taps)
+    if not left:
+        left += unsteady_of(case, fit)
     first, last = stages[0].rms, stages[-1].rms
     if left:
         shown = [row.on for row in left]
@@ -171,6 +174,16 @@ def least_sure(table: Table, active: Sequence[int], curves: Sequence[int]) -> fl
     """The largest p-value among the curves; what has no curve was tested by its spectrum, at 0.001."""
     tests = [p_value(table, [*active, *(other for other in curves if other != s)], s) for s in curves]
     return max(tests, default=1e-3)
+
+
+def unsteady_of(case: Case, fit: Refit) -> list[Structure]:
+    """Parts of trials in which the final model leaves far more than in the others."""
+    plain = [
+        run
+        for view in fit.views
+        for run in build_runs(corrected(view, fit.chosen), case.base, [], case.holdout)
+    ]
+    return unsteady(plain, case.taps, case.base.size, fit.views)
 
 
 def odd_structure(oddity: Oddity) -> Structure:
@@ -402,10 +415,13 @@ def saturated(base: Base, slots: Sequence[Slot], rows: int) -> list[int]:
         columns = list(range(base.size))
         for slot in slots:
             shapes = slot.candidate.shapes
-            if (is_known(slot) or slot.candidate.size < 8) and slot.shape in shapes[
-                :: -(-len(shapes) // most)
-            ]:
+            some = shapes[:: -(-len(shapes) // most)]
+            if (is_known(slot) or slot.candidate.size < 8) and slot.shape in some:
                 columns += range(slot.columns.start, slot.columns.stop)
         if len(columns) < rows / 5:
             break
+    for slot in slots:
+        # Without them the noise would take up what a resonance or a load's memory leaves.
+        if is_response(slot.candidate) and len(columns) + slot.candidate.size < rows / 6:
+            columns += range(slot.columns.start, slot.columns.stop)
     return columns

@@ -29,14 +29,21 @@ def response_candidates(setting: Setting) -> Iterator[Candidate]:
         yield _candidate(f"tau{joint + 1}", own, f"theta{joint + 1}")
     if not setting.planar:
         return
-    for axis, letter in enumerate("xy"):
+    for axes in ((0,), (1,), (0, 1)):
 
-        def pulled(view: View, _shape: float, axis: int = axis) -> Columns:
+        def pulled(view: View, _shape: float, axes: tuple[int, ...] = axes) -> Columns:
             if view.load is None:
                 return {}
-            return at_tip(view, *(_along(view, axis, c) for c in filtered(view.a[:, axis], view.dt)))
+            bands = [_along(view, axis, c) for axis in axes for c in filtered(view.a[:, axis], view.dt)]
+            return at_tip(view, *bands)
 
-        yield _candidate(f"f{letter}", pulled, letter)
+        letters = ["xy"[axis] for axis in axes]
+        yield _candidate(f"f{letters[0]}", pulled, " and ".join(letters), len(axes))
+
+
+def is_response(candidate: Candidate) -> bool:
+    """Whether it is one of these, and not a part of another."""
+    return candidate.variant.startswith(RESPONSE) and not candidate.variant.endswith((" x", " to y"))
 
 
 def filtered(values: Floats, dt: float) -> list[Floats]:
@@ -62,12 +69,12 @@ def _along(view: View, axis: int, column: Floats) -> Floats:
     return force
 
 
-def _candidate(on: str, columns: object, of: str) -> Candidate:
+def _candidate(on: str, columns: object, of: str, signals: int = 1) -> Candidate:
     return Candidate(
         UNATTRIBUTED,
         (on, "frequency"),
         columns,  # type: ignore[arg-type]
         lambda _beta, _shape: {},
-        size=2 * len(NODES_HZ),
+        size=2 * len(NODES_HZ) * signals,
         variant=f"{RESPONSE} to {of}",
     )

@@ -15,6 +15,7 @@ from impid_host.diagnosis.choice import (
     ranking,
     score_of,
 )
+from impid_host.diagnosis.dynamic import is_response
 from impid_host.diagnosis.evidence import gain, projected
 
 BETTER = 0.05  # part of what the effects explain, by which a curve must do better to be believed instead
@@ -66,11 +67,14 @@ def beside_curves(table: Table, active: Sequence[int], curves: Sequence[int]) ->
     if not curves:
         return list(active)
     by_curves = explained(table, [*active, *curves]) - explained(table, active)
+    # A response in frequency can be half of nearly anything linear: a name beside it must be the larger part.
+    dynamic = any(is_response(table.slots[s].candidate) for s in curves)
+    part = 1.0 if dynamic else _PATCH
     kept = []
     for s in active:
         elsewhere = table.slots[s].candidate.effect.startswith(("accel.", "clock."))
         rest = [*(other for other in active if other != s), *curves]
-        if elsewhere or _drop(table, rest, s) > _PATCH * by_curves:
+        if elsewhere or _drop(table, rest, s) > part * by_curves:
             kept.append(s)
     return kept
 

@@ -9,7 +9,7 @@ from impid_host.diagnosis.dynamic import NODES_HZ, RESPONSE
 from impid_host.diagnosis.evidence import gain, projected, solve
 from impid_host.diagnosis.result import Structure
 from impid_host.diagnosis.rows import Slot
-from impid_host.diagnosis.smooth import curve_basis, pull
+from impid_host.diagnosis.smooth import EACH, curve_basis, pull
 from impid_host.effects.view import View
 from impid_host.signals.arrays import Floats
 
@@ -43,6 +43,8 @@ def _shape(slot: Slot, share: float, beta: Floats, covariance: Floats, views: Se
         return Structure(variable, on, share, _NOTHING, _NOTHING, sentence)
     if variant.startswith(RESPONSE):
         return _response(slot, share, beta, covariance, views)
+    if variant == EACH:
+        return _gain(on, share, beta, covariance, views)
     if variable == "direction":
         values = np.concatenate([pull(view, int(on[-1]) - 1, variant)[view.valid] for view in views])
         grid = np.linspace(0.0, float(np.percentile(values, 99.5)), 41)
@@ -65,6 +67,23 @@ def _shape(slot: Slot, share: float, beta: Floats, covariance: Floats, views: Se
     )
 
 
+def _gain(on: str, share: float, beta: Floats, covariance: Floats, views: Sequence[View]) -> Structure:
+    """The gain's course in the trial in which it changes most."""
+    size = len(beta) // len(views)
+    spans = [float(np.ptp(beta[size * k : size * (k + 1)])) for k in range(len(views))]
+    most = int(np.argmax(spans))
+    own = slice(size * most, size * (most + 1))
+    grid = np.linspace(0.0, float(views[most].t[-1]), 41)
+    basis = curve_basis(grid, 0.0, float(grid[-1]), size)
+    curve = basis @ beta[own]
+    half = 1.96 * np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", basis, covariance[own, own], basis), 0))
+    sentence = (
+        f"{on} changes with time as by a gain that wanders, by {np.ptp(curve):.2g} in {views[most].name}"
+    )
+    band = np.stack([curve - half, curve + half], axis=1)
+    return Structure("time", on, share, np.stack([grid, curve], axis=1), band, sentence)
+
+
 def _response(slot: Slot, share: float, beta: Floats, covariance: Floats, views: Sequence[View]) -> Structure:
     """Root mean square of what each band of frequencies adds to the channel."""
     on = slot.candidate.where[0]
@@ -72,11 +91,12 @@ def _response(slot: Slot, share: float, beta: Floats, covariance: Floats, views:
     block = np.concatenate([piece.reshape(-1, len(beta)) for piece in pieces])
     frequency = np.array(NODES_HZ)
     power = block.T @ block / len(block)
-    size, half = np.zeros(len(frequency)), np.zeros(len(frequency))
-    for k in range(len(frequency)):
+    square, spread = np.zeros(len(frequency)), np.zeros(len(frequency))
+    for k in range(len(beta) // 2):
         own = slice(2 * k, 2 * k + 2)
-        size[k] = np.sqrt(beta[own] @ power[own, own] @ beta[own])
-        half[k] = 1.96 * np.sqrt(max(np.trace(power[own, own] @ covariance[own, own]), 0.0))
+        square[k % len(frequency)] += beta[own] @ power[own, own] @ beta[own]
+        spread[k % len(frequency)] += max(float(np.trace(power[own, own] @ covariance[own, own])), 0.0)
+    size, half = np.sqrt(square), 1.96 * np.sqrt(spread)
     curve = np.stack([frequency, size], axis=1)
     band = np.stack([np.maximum(size - half, 0), size + half], axis=1)
     peak = frequency[int(np.argmax(size))]
@@ -98,7 +118,7 @@ def words(variable: str, on: str, grid: Floats, curve: Floats, factor: str, of: 
     narrow = width < 0.3 * np.ptp(grid)
     if variable == "direction":
         return f"{on} has dry friction that changes by {np.ptp(curve):.2g} N m with the {of}"
-    times = f", multiplied by the {factor} of motion" if factor else ""
+    times = f", multiplied by the {factor}{' of motion' if factor != 'torque' else ''}" if factor else ""
     if narrow:
         return f"narrow bump of {on} near {variable} = {grid[peak]:.3g}, about {width:.2g} wide{times}"
     return f"{on} varies smoothly with {variable}, by {np.ptp(curve):.2g} over its range{times}"

@@ -13,6 +13,7 @@ from impid_host.signals.arrays import Floats
 
 Variable = Callable[[View], Floats]
 _COARSE, _FINE = 7, 18
+EACH = "torque times time in each trial"
 
 
 def variables(setting: Setting) -> dict[str, Variable]:
@@ -54,6 +55,7 @@ def smooth_candidates(parts: Sequence[View], setting: Setting) -> list[Candidate
     result += [_friction_by_pull(joint, of) for joint in range(setting.joints) for of in kinds]
     result += [_one_trial(view) for view in parts]
     result += response_candidates(setting)
+    result += [_wandering_gain(parts, joint) for joint in range(setting.joints)]
     for name, variable in variables(setting).items():
         values = np.concatenate([variable(view)[view.valid] for view in parts])
         low, high = np.percentile(values, [0.2, 99.8])
@@ -77,9 +79,9 @@ def _curves(
 
 
 def _one_trial(odd: View) -> Candidate:
-    """One trial apart: its own robot parameters, dry friction, offset and slow change."""
+    """One trial apart: its own robot parameters, dry friction, springs, offset and slow change."""
     model = odd.model
-    size = len(model.parameter_names) + 6 * odd.joints
+    size = len(model.parameter_names) + 7 * odd.joints
 
     def columns(view: View, _shape: float) -> Columns:
         if view.name != odd.name:
@@ -88,7 +90,7 @@ def _one_trial(odd: View) -> Candidate:
         direction = sign_mean(view.omega, view.acc, view.dt)
         slow = curve_basis(view.t, 0.0, float(view.t[-1]), 5)
         own = [
-            _on(view, joint, np.column_stack([direction[:, joint], slow]))["torque"]
+            _on(view, joint, np.column_stack([direction[:, joint], view.theta[:, joint], slow]))["torque"]
             for joint in range(view.joints)
         ]
         return {"torque": np.concatenate([Y, *own], axis=2)}
@@ -101,6 +103,21 @@ def _one_trial(odd: View) -> Candidate:
         size=size,
         variant=odd.name,
     )
+
+
+def _wandering_gain(parts: Sequence[View], joint: int) -> Candidate:
+    """A drive whose gain changes in the course of each trial, in each otherwise."""
+    places = {view.name: place for place, view in enumerate(parts)}
+    size = _COARSE * len(parts)
+
+    def columns(view: View, _shape: float) -> Columns:
+        block = np.zeros((len(view.t), size))
+        own = slice(_COARSE * places[view.name], _COARSE * (places[view.name] + 1))
+        basis = curve_basis(view.t, 0.0, float(view.t[-1]), _COARSE)
+        block[:, own] = basis * view.torque_model[:, [joint]]
+        return _on(view, joint, block)
+
+    return _candidate("time", joint, columns, size, EACH)
 
 
 def _friction_by_pull(joint: int, of: str) -> Candidate:
@@ -116,6 +133,9 @@ def _products(name: str, variable: Variable, low: float, high: float, joint: int
         "direction": lambda view: sign_mean(view.omega[:, joint], view.acc[:, joint], view.dt),
         "speed": lambda view: view.omega[:, joint],
     }
+    if name == "time":
+        # A drive whose gain wanders.
+        factors["torque"] = lambda view: view.torque_model[:, joint]
     for word, factor in factors.items():
 
         def columns(view: View, _shape: float, factor: Variable = factor) -> Columns:

@@ -96,7 +96,7 @@ def _structure(
     half = 1.96 * np.std(_coloured(residuals[farthest], h) - courses[farthest][:, 1])
     half /= np.sqrt(2 * np.sqrt(np.pi) * _SMOOTH_S / runs[0].step_s)
     words = (
-        f"{on} wanders slowly, in each trial otherwise, like a random walk (power falls with frequency to the "
+        f"{on} wanders slowly, in each trial otherwise, like a random walk (power falls with f to the "
         f"{slope:.1f}); by {size:.2g} in {runs[farthest].trial}"
     )
     band = np.stack([curve[:, 1] - half, curve[:, 1] + half], axis=1)

@@ -194,6 +194,8 @@ def _delay(setting: Setting) -> Iterator[Candidate]:
         lambda beta, delay: {"delay": delay, "gain_k": float(beta[0]), "gain_b": float(beta[1])},
         size=2,
         shapes=shapes,
+        # A reflex pulls back; the late damping is known less well.
+        gate=lambda beta, _delay: bool(beta[0] > 0),
     )
     yield from reflex_candidates(setting)
 
