@@ -11,15 +11,20 @@ from rich.console import Console
 from impid_host.cli.inputs import load_inputs
 from impid_host.cli.pair import PAIR
 from impid_host.diagnosis.saved import SavedModel, read_model
-from impid_host.impedance.campaign import Options, fit_study
+from impid_host.errors import UndeterminedError
+from impid_host.impedance.campaign import Options, StudyFit, fit_study
 from impid_host.impedance.constrained import constrain as constrain_matrices
 from impid_host.impedance.joint_space import Limb, joint_impedance
+from impid_host.impedance.reflex import Band, ReflexFit, fit_trial_reflex
 from impid_host.impedance.rows import Split
 from impid_host.report.fit_json import fit_json
 from impid_host.report.fit_page import print_fit
+from impid_host.report.reflex_report import reflex_json, reflex_table
 from impid_host.report.wide_console import table_console
 from impid_host.robot.terms import TERMS
 from impid_host.signals.chain import CHAINS
+
+REFLEX = "load.delay"
 
 
 @click.command()
@@ -50,9 +55,10 @@ from impid_host.signals.chain import CHAINS
     "--with",
     "terms",
     multiple=True,
-    type=click.Choice(list(TERMS)),
+    type=click.Choice([*TERMS, REFLEX]),
     metavar="EFFECT",
-    help=f"Add a term to the robot model; may be repeated. One of {', '.join(TERMS)}.",
+    help=f"Add a term to the robot model; may be repeated. One of {', '.join(TERMS)}; or {REFLEX}, the late "
+    "stretch reflex of a limb on a joint-1d.",
 )
 @click.option(
     "--validate",
@@ -113,12 +119,14 @@ def command(
       impid-host fit study/ --json result.json --figures figures/
       impid-host fit arm_study/ --constrain --limb 0.30,0.33 --shoulder 0.37,-0.50
       impid-host fit next_study/ --model model.json
+      impid-host fit ankle/ --with load.delay --cutoff 40 --validate 20
       impid-host fit emps/ --chain emps --with friction.coulomb --with actuator.offset --validate 0
     """
     geometry = _limb(limb, shoulder, side)
     study = load_inputs(paths, robot_log, setup)
     row = CHAINS[chain] if cutoff is None else CHAINS[chain].with_cutoff(cutoff)
-    options = Options(row, acceleration, terms, Split(validate))
+    own_terms = tuple(term for term in terms if term != REFLEX)
+    options = Options(row, acceleration, own_terms, Split(validate))
     errors = Console(stderr=True)
     provenance = None
     saved = None if model_file is None else _saved(model_file, chain)
@@ -134,6 +142,7 @@ def command(
             from impid_host.report.fit_figures import draw_study  # noqa: PLC0415  (matplotlib is slow to import)
 
             drawn = draw_study(result, figures)
+    reflexes = _reflexes(result, validate) if REFLEX in terms else {}
     handle = study.setup.handle_mass_kg
     arms = [fit for fit in result.loads if fit.model.name == "arm" and len(fit.model.axes) == 2]
     tight = [constrain_matrices(fit, handle) for fit in arms] if constrain else []
@@ -144,6 +153,8 @@ def command(
         for line in [] if provenance is None else provenance.lines:
             click.echo(line)
         print_fit(table_console(), result, tight, joints)
+        if reflexes:
+            table_console().print(reflex_table(reflexes))
         if figures is not None:
             click.echo(f"{len(drawn)} figures in {figures}")
     if json_to is not None:
@@ -160,11 +171,23 @@ def command(
         )
         if provenance is not None:
             document["model"] = asdict(provenance)
-        text = json.dumps(document, indent=2)
-        if json_to == "-":
-            click.echo(text)
-        else:
-            Path(json_to).write_text(text + "\n", encoding="utf-8")
+        if reflexes:
+            document["reflex"] = reflex_json(reflexes)
+        _write(json.dumps(document, indent=2), json_to)
+
+
+def _write(text: str, to: str) -> None:
+    if to == "-":
+        click.echo(text)
+    else:
+        Path(to).write_text(text + "\n", encoding="utf-8")
+
+
+def _reflexes(result: StudyFit, held_out_s: float) -> dict[str, tuple[ReflexFit, Band]]:
+    arms = [trial for trial in result.trials if trial.kind == "arm"]
+    if not arms:
+        raise UndeterminedError(f"study {result.study}: no arm trial, so there is no reflex to fit")
+    return {trial.name: fit_trial_reflex(trial, held_out_s) for trial in arms}
 
 
 def _saved(path: Path, chain: str) -> SavedModel:

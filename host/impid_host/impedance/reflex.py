@@ -12,6 +12,7 @@ import numpy as np
 from scipy import optimize, signal
 
 from impid_host.errors import UndeterminedError
+from impid_host.signals.align import AlignedTrial
 from impid_host.signals.arrays import Floats, Mask
 
 # A spinal stretch reflex of a limb takes some 30 to 80 ms; its muscle acts below some 5 Hz.
@@ -19,6 +20,7 @@ _DELAY_S = (0.03, 0.08)
 _CORNER_RAD_S = (4.0, 40.0)
 _ROW_RATE_HZ = 100.0
 _OVERSAMPLING = 5.0
+_COHERENCE_WINDOW_S = 8.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,6 +58,50 @@ class Band:
             high_pass = signal.butter(2, self.low_Hz, "high", fs=rate_hz, output="sos")
             result = signal.sosfiltfilt(high_pass, result, axis=0)
         return result
+
+
+def followed_band(theta: Floats, torque: Floats, rate_hz: float) -> Band:
+    """The band in which the torque follows the angle: what drifts by the subject's will lies below it.
+
+    From the lowest frequency up, bins are left out while the part of the torque that is not coherent with the
+    angle is more than twice its median between 1 and 5 Hz (Welch, windows of 8 s). To be asked of the fitted
+    part of a record alone.
+
+    Args:
+        theta: joint angle, rad, (N,); torque: N m, (N,).
+    """
+    window = int(min(_COHERENCE_WINDOW_S * rate_hz, len(theta) // 3))
+    frequency, coherence = signal.coherence(theta, torque, rate_hz, nperseg=window)
+    apart = 1.0 - coherence
+    usual = float(np.median(apart[(frequency > 1.0) & (frequency < 5.0)]))
+    follows = np.flatnonzero((frequency > 0) & (apart <= 2.0 * usual))
+    first = int(follows[0]) if len(follows) else 1
+    # Nothing is below the first bin but the mean.
+    return Band(0.0 if first == 1 else float(frequency[first] - 0.5 * frequency[1]))
+
+
+def fit_trial_reflex(trial: AlignedTrial, held_out_s: float) -> tuple[ReflexFit, Band]:
+    """A single joint's trial with a limb on it, in the band in which its fitted part follows the angle.
+
+    Raises:
+        UndeterminedError: another robot or load, gaps, or too short a trial.
+    """
+    if trial.theta.shape[1] != 1 or trial.kind != "arm":
+        raise UndeterminedError(
+            f"trial {trial.name}: a reflex is fitted to arm trials of a joint-1d; "
+            "`impid-host diagnose` looks for load.delay elsewhere"
+        )
+    rows = np.flatnonzero(trial.valid)
+    if len(rows) == 0 or len(rows) != rows[-1] - rows[0] + 1:
+        raise UndeterminedError(f"trial {trial.name}: a reflex wants a record without gaps")
+    theta, torque = trial.theta[rows, 0], trial.tau[rows, 0]
+    fit_s = (len(rows) - 1) / trial.rate_hz - held_out_s
+    early = slice(0, max(int(fit_s * trial.rate_hz), 1))
+    try:
+        band = followed_band(theta[early], torque[early], trial.rate_hz)
+        return fit_reflex(theta, torque, trial.rate_hz, fit_s=fit_s, band=band), band
+    except (UndeterminedError, ValueError) as error:
+        raise UndeterminedError(f"trial {trial.name}: {error}") from error
 
 
 def fit_reflex(

@@ -1,12 +1,18 @@
 """The late one-sided reflex: recovered from a simulated joint, and on measured ankles."""
 
+import json
 from pathlib import Path
 
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
+from click.testing import CliRunner
+from impid_host.cli import cli
 from impid_host.errors import UndeterminedError
-from impid_host.impedance.reflex import Band, fit_reflex
+from impid_host.impedance.reflex import Band, fit_reflex, followed_band
+from impid_host.study.folder import write_study
+from impid_host.study.model import RobotLog, RobotSetup, Setup, Study, Trial
+from scipy import signal
 from scipy.integrate import solve_ivp
 
 RATE = 500.0
@@ -52,12 +58,49 @@ def test_a_short_record_is_refused() -> None:
         fit_reflex(np.zeros(4000), np.zeros(4000), RATE, fit_s=4.0)
 
 
+def test_a_drift_that_the_angle_does_not_make_is_left_out() -> None:
+    """A spring shaken by noise up to 10 Hz; beside it a torque up to 0.6 Hz, not the angle's making."""
+    rng = np.random.default_rng(1)
+    shake = signal.sosfilt(signal.butter(2, 10.0, fs=RATE, output="sos"), rng.normal(0, 1, int(60 * RATE)))
+    torque = 60.0 * shake + rng.normal(0, 3.0, len(shake))
+    assert followed_band(shake, torque, RATE).low_Hz < 0.3
+    spectrum = np.fft.rfft(rng.normal(0, 1, len(shake)))
+    slow = np.fft.irfft(spectrum * (np.fft.rfftfreq(len(shake), 1 / RATE) < 0.6), len(shake))
+    band = followed_band(shake, torque + 20.0 * slow / slow.std(), RATE)
+    assert 0.4 < band.low_Hz < 1.0
+
+
+def test_the_command_fits_a_reflex(tmp_path: Path) -> None:
+    theta, torque = joint(40.0)
+    t = np.arange(len(theta)) / RATE
+    setup = Setup(RobotSetup("joint-1d"))
+    trial = Trial("ankle_01", "arm", "ankle", RobotLog(t, theta[:, None], torque[:, None]))
+    write_study(Study("ankle", setup, (trial,)), tmp_path / "ankle")
+    out = tmp_path / "out.json"
+    arguments = ["fit", str(tmp_path / "ankle"), "--with", "load.delay", "--json", str(out)]
+    result = CliRunner().invoke(cli, arguments, catch_exceptions=False)
+    assert result.exit_code == 0, result.output
+    found = json.loads(out.read_text())["reflex"]["ankle_01"]
+    assert found["with"]["delay_s"] == pytest.approx(0.05, abs=0.004)
+    assert found["with"]["K"] == pytest.approx(60.0, rel=0.02)
+    assert found["with"]["vaf"] > found["without"]["vaf"]
+    free = Trial("free_01", "free", "free", RobotLog(t, theta[:, None], torque[:, None]))
+    write_study(Study("free", setup, (free,)), tmp_path / "free")
+    with pytest.raises(UndeterminedError, match="no arm trial"):
+        CliRunner().invoke(
+            cli, ["fit", str(tmp_path / "free"), "--with", "load.delay"], catch_exceptions=False
+        )
+
+
 @pytest.mark.measured
 @pytest.mark.parametrize(("record", "goal"), [("z_df", 93.4), ("z_pf", 74.8), ("z_df2", 96.7)])
 def test_measured_ankles(measured_data: Path, record: str, goal: float) -> None:
     columns = pq.read_table(measured_data / "ankle_impedance" / f"{record}.parquet")
     theta, torque = np.asarray(columns["position_rad"]), -np.asarray(columns["torque_Nm"])
-    fit = fit_reflex(theta, torque, 1000.0, fit_s=40.0)
+    # Where the torque begins to follow the angle is asked of the fitted part alone.
+    band = followed_band(theta[:40_000], torque[:40_000], 1000.0)
+    assert band.low_Hz < 0.6
+    fit = fit_reflex(theta, torque, 1000.0, fit_s=40.0, band=band)
     assert fit.vaf_reflex >= goal
     assert 0.013 < fit.with_reflex[0] < 0.018  # a foot with its footplate
     assert 40 < fit.with_reflex[2] < 120
