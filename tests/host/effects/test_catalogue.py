@@ -148,3 +148,59 @@ def test_units_are_found_by_parameter() -> None:
     assert {effect.name: effect.unit("delay") for effect in ACTUATOR if effect.name == "actuator.delay"} == {
         "actuator.delay": "s"
     }
+
+
+# Parameters and units of the diagnosis format, version 1, second table ("1" where it names no unit); viscous
+# slopes are its "unequal viscous slope" of friction.asymmetric.
+FORMAT = {
+    "friction": {
+        "torque": "N*m",
+        "torque_pos": "N*m",
+        "torque_neg": "N*m",
+        "viscous_pos": "N*m*s/rad",
+        "viscous_neg": "N*m*s/rad",
+        "speed": "rad/s",
+        "coefficient": "N*m*s^2/rad^2",
+        "amplitude": "N*m",
+        "period_rad": "rad",
+        "phase_rad": "rad",
+    },
+    "elastic.cartesian": {"kx": "N/m", "ky": "N/m", "x0": "m", "y0": "m"},
+    "elastic.joint": {"stiffness": "N*m/rad", "rest_rad": "rad"},
+    "elastic.transmission": {"stiffness": "N*m/rad", "rest_rad": "rad", "motor_inertia": "kg*m^2"},
+    "damping.cartesian": {"bx": "N*s/m", "by": "N*s/m"},
+    "gravity.tilt": {"gx": "m/s^2", "gy": "m/s^2"},
+    "inertia.extra": {"mass": "kg", "inertia": "kg*m^2"},
+    "actuator": {
+        "gain": "1",
+        "torque": "N*m",
+        "amplitude": "N*m",
+        "cycles_per_rad": "1/rad",
+        "phase_rad": "rad",
+        "delay": "s",
+    },
+    "accel": {"angle_rad": "rad", "gain": "1", "bias": "m/s^2", "cross": "1", "delay": "s", "lever": "m"},
+    "encoder": {"amplitude_rad": "rad", "phase_rad": "rad", "zero_rad": "rad"},
+    "load": {
+        "B": "N*s/m",
+        "cubic": "N/m^3",
+        "amplitude": "N",
+        "width": "m",
+        "delay": "s",
+        "gain_k": "N/m",
+        "gain_b": "N*s/m",
+        "rate": "m/s",
+        "K": "N/m",
+        "M": "kg",
+    },
+}
+
+
+@pytest.mark.parametrize("name", [name for name in NAMES if name != "clock.drift"])
+def test_what_a_finding_reports_has_the_formats_names_and_units(name: str) -> None:
+    allowed = FORMAT.get(name) or FORMAT[name.partition(".")[0]]
+    for candidate in candidates(setting()):
+        if candidate.effect == name:
+            reported = candidate.read(np.linspace(0.1, 0.2, candidate.size), candidate.shapes[0])
+            assert set(reported) <= set(allowed)
+            assert {key: CATALOGUE[name].unit(key) for key in reported} == {k: allowed[k] for k in reported}
