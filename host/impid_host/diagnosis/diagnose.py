@@ -48,7 +48,7 @@ from impid_host.signals.arrays import Floats
 from impid_host.signals.chain import PUBLISHED_CUTOFF_HZ
 from impid_host.study.model import Study
 
-_ABOVE = 1.25  # of the noise floor: what is left is more than chance and an inexact model leave
+_ABOVE = 1.5  # of the noise floor: what is left is more than chance and an inexact model leave
 _LARGE = 1.0  # an effect that lowers the mean squared innovation by so many times the noise's
 
 Progress = Callable[[str, float], None]
