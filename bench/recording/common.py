@@ -14,10 +14,22 @@ from impid_host.link.can_bus import parse_address
 ROOT = Path(__file__).parents[2]
 RESULTS = ROOT / "build" / "validation" / "recording"
 RECORD = [sys.executable, "-c", "from impid_host.cli import main; main()", "record"]
-sys.path.insert(0, str(ROOT / "tests" / "host" / "recording"))
+sys.path[:0] = [str(ROOT / "tests" / "host" / "recording"), str(ROOT / "bench")]
 from boards import CanBoard, PtyBoard, SlcanBoard  # noqa: E402
+from clock_sync import board_us, exchanges  # noqa: E402
 
-__all__ = ["RECORD", "CanBoard", "PtyBoard", "SlcanBoard", "await_size", "bus_at", "free_multicast", "save"]
+__all__ = [
+    "RECORD",
+    "CanBoard",
+    "PtyBoard",
+    "SlcanBoard",
+    "await_size",
+    "board_us",
+    "bus_at",
+    "exchanges",
+    "free_multicast",
+    "save",
+]
 
 
 def save(part: str, **figures: Any) -> None:

@@ -39,6 +39,13 @@ from hil_sim.serve.session import ServeOptions, serve
 @click.option("--setup", "setup_file", type=FILE, help="Write the laboratory's setup.toml here.")
 @click.option("--truth", "truth_file", type=FILE, help="Write what is hidden here when the motion starts.")
 @click.option("--flash", "flash_file", type=FILE, help="Keep the board's stored settings in this file.")
+@click.option(
+    "--tumble",
+    "tumble_positions",
+    type=click.IntRange(min=1),
+    metavar="N",
+    help="The board off the robot, on a dividing head that goes on by 360/N degrees after each stream.",
+)
 @ELF
 @click.option("--until-stdin-closes", is_flag=True, help="End when whoever started this is gone.")
 def command(
@@ -53,6 +60,7 @@ def command(
     setup_file: Path | None,
     truth_file: Path | None,
     flash_file: Path | None,
+    tumble_positions: int | None,
     binary: Path | None,
     until_stdin_closes: bool,
 ) -> None:
@@ -83,6 +91,7 @@ def command(
             setup_file=setup_file,
             truth_file=truth_file,
             flash_file=flash_file,
+            tumble_positions=tumble_positions,
             binary=binary,
         ),
     )

@@ -32,6 +32,7 @@ from hil_sim.serve.pace import Pace
 from hil_sim.serve.power import PoweredBoard
 from hil_sim.serve.robot_log import LiveRobotLog
 from hil_sim.serve.truth_file import TruthFile
+from hil_sim.serve.turntable import Turntable
 from hil_sim.study.setup_file import write_setup
 from hil_sim.trials import trial_truth
 from hil_sim.world import World
@@ -55,6 +56,7 @@ class ServeOptions:
     setup_file: Path | None
     truth_file: Path | None
     flash_file: Path | None = None
+    tumble_positions: int | None = None  # on a dividing head instead of the robot
     binary: Path | None = None  # an ELF file to run in the emulator instead of the native core
 
 
@@ -80,7 +82,10 @@ def serve(scenario: Scenario, trial: Trial, options: ServeOptions) -> None:
 class _Session:
     def __init__(self, scenario: Scenario, trial: Trial, options: ServeOptions) -> None:
         self._trial, self._options = trial, options
-        self._world = World(trial_truth(scenario, trial, options.seed))
+        truth = trial_truth(scenario, trial, options.seed)
+        self._world = World(truth)
+        positions = options.tumble_positions
+        self._turntable = None if positions is None else Turntable(truth, positions)
         path = options.robot_log
         with_force = scenario.world.force_sensor is not None
         self._log = (
@@ -233,6 +238,8 @@ class _Session:
         while (ticks := (until_us - board.next_tick_us) // TICK_US + 1) > 0 and not self._stop:
             ticks = self._power.before_ticks(min(ticks, CATCH_UP_TICKS))
             truth = self._world.read(board.next_tick_us, ticks, self_test=board.self_test_pin)
+            if self._turntable is not None:
+                truth = self._turntable(truth, streaming=bool(board.streaming), self_test=board.self_test_pin)
             readings, flags = self._readings(truth)
             if board.streaming:
                 self._truth.sampled(ticks)

@@ -36,10 +36,10 @@ from impid_host.wire.tracker import Groups, Tracker
 _MASK32 = 0xFFFFFFFF
 _UNDATED = -1
 _BEHIND_ALL = 1 << 62
-# The index bits of a second half repeat after 256 ms: what lies further apart needs a witness, and after a
-# reader's stall of more than this none is believed.
+# The index bits of a second half repeat after 256 ms: what lies further apart needs a witness, whose own bits
+# repeat after 65 s.
 _PAIR_NS = 200_000_000
-_STALL_NS = 2_000_000_000
+_STALL_NS = 30_000_000_000
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,7 +1,9 @@
 """Boards for tests: the firmware core that ships, with made-up readings, on a terminal or on a CAN bus."""
 
+import contextlib
 import os
 import pty
+import queue
 import select
 import termios
 import threading
@@ -13,6 +15,9 @@ from pathlib import Path
 
 import can
 import numpy as np
+from impid_host.wire.can_frames import CAN_FRAME
+from impid_host.wire.carrier import CAN
+from impid_host.wire.messages import OPCODE
 
 from hil_sim.board.native import BoardConfig, NativeBoard
 
@@ -42,6 +47,11 @@ class _Board:
         if not self._closing.is_set():
             self._closing.set()
             self._thread.join()
+
+    @property
+    def clock_zero_s(self) -> float:
+        """What the PC's monotonic clock showed when this boot's clock was zero."""
+        return self._start_s - self._start_us * 1e-6 / self._speed
 
     def _now_us(self) -> int:
         return self._start_us + int((time.monotonic() - self._start_s) * self._speed * 1e6)
@@ -174,8 +184,14 @@ class CanBoard(_Board):
     def __init__(self, bus: can.BusABC, speed: float = 1.0, config: BoardConfig | None = None) -> None:
         super().__init__(speed, config)
         self._bus = bus
+        self._asked: queue.SimpleQueue[tuple[int, bytes]] = queue.SimpleQueue()
         self.connected = True
         self._thread.start()
+
+    def command(self, opcode: str) -> None:
+        """As if somebody on the bus had sent it."""
+        frame = np.frombuffer(CAN.encode_command(1, OPCODE[opcode], 0, 0), dtype=CAN_FRAME)[0]
+        self._asked.put((int(frame["identifier"]), frame["data"].tobytes()))
 
     def close(self) -> None:
         super().close()
@@ -186,6 +202,8 @@ class CanBoard(_Board):
         for identifier, data in frames:
             if self.connected:
                 self._bus.send(can.Message(arbitration_id=identifier, data=data, is_extended_id=False))
+        with contextlib.suppress(queue.Empty):
+            self._board.can_receive(*self._asked.get_nowait(), self._catch_up())
         message = self._bus.recv(0.0005)
         if message is not None and self.connected:
             self._board.can_receive(message.arbitration_id, bytes(message.data), self._catch_up())

@@ -24,7 +24,7 @@ class KeepingBoard(PtyBoard):
     def __init__(self) -> None:
         self.kept = dict(zip(range(32, 40), (3, 1000, 32768, 32768, 12233, 12233, 0, 0), strict=True))
         self.saves = 0
-        self.fault = dict.fromkeys(range(64, 73), 0)
+        self.fault = dict.fromkeys(range(64, 75), 0)
         super().__init__()
         firmware = self._board
 
@@ -130,6 +130,9 @@ def test_log(board, keeping) -> None:
     said = run("log", "--port", keeping.port).output
     assert "fault_pc           0x08001234" in said
     assert "fault_count        2" in said
+    keeping.fault |= {73: 76, 74: 4321}
+    said = run("log", "--port", keeping.port).output
+    assert "boot 76, before this one, had made 4321 samples since its last START" in said
 
 
 def test_tumble_is_stored_on_the_board_and_in_recordings(keeping, tmp_path: Path, out: Path) -> None:
