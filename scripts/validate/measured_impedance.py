@@ -203,7 +203,7 @@ def _ankle_part(ankles: dict[str, Any]) -> list[str]:
         "alone, the torque follows the angle: bins are left out from below while the part of the torque that is not "
         "coherent with the angle is more than twice its median between 1 and 5 Hz (windows of 8 s). The rule looks at "
         "the fitted part only, but it was written after these records had been seen whole; with windows of 4 s it "
-        "begins at 0.38 Hz in z_df2, where VAF is 96.6 %.",
+        "begins at 0.38 Hz in z_df2, where VAF is 96.69 %.",
         "",
         *table(head, rows),
         "",
