@@ -35,6 +35,7 @@ class World:
     free: int = 2
     loaded: int = 2
     same_load: bool = False
+    repeat: bool = False  # every trial of a kind makes the same motion
     force_sensor: bool = False
     device: bool = True
     torque_noise: float = 0.01
@@ -153,6 +154,7 @@ def build(world: World) -> Study:
         loads.append((rng.uniform(0.5, 1.6), np.array([[k[0], s], [s, k[1]]]), None))
     trials = []
     common = np.zeros(2)
+    made: dict[bool, Callable] = {}
     for index in range(world.free + world.loaded):
         loaded = index >= world.free
         number = index - world.free
@@ -161,6 +163,7 @@ def build(world: World) -> Study:
             centre = common
         common = centre
         at = motion(rng, centre, 10.0 if loaded else 40.0, world.duration)
+        at = made.setdefault(loaded, at) if world.repeat else at
         load = None
         if loaded:
             m, K, _ = loads[0 if world.same_load else number]
