@@ -10,7 +10,7 @@ def page(summary: Json, command: str) -> str:
     """Tables of goals, strengths, effects, errors and failures."""
     s = summary
     parts = [
-        f"{s['studies']} studies by version {', '.join(s['versions'])}, {_number(s['seconds_per_study'])} s each"
+        f"{s['studies']} studies by version {', '.join(s['versions'])}, {_number(s['seconds_per_study'])} s of one core each"
         f" (median):\n\n    {command}",
         "## Goals",
         _table(
