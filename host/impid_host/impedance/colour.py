@@ -15,6 +15,7 @@ from impid_host.signals.arrays import Floats
 
 _TINY = 1e-12
 _BLOCK = 4096  # rows at a time
+_SILENT = 1e-24  # power of a residual that is none, where targets are about 1
 _RIDGE = 1e-9
 _SHRINK = 0.98  # of an unstable autoregression's coefficients, repeated until it is stable
 _LARGEST_REFLECTION = 0.9999
@@ -56,7 +57,7 @@ class Channel:
         step = float(np.exp(1 / np.sqrt(2 * self.dof)))
         yield self._with(taps, sd * step), self._with(taps, sd / step)
         if len(taps):
-            safe = self.moments + _TINY * np.trace(self.moments) * np.eye(len(taps))
+            safe = self.moments + (_TINY * np.trace(self.moments) + _SILENT) * np.eye(len(taps))
             root = sd / np.sqrt(self.dof) * np.linalg.cholesky(np.linalg.inv(safe))
             for direction in root.T:
                 yield self._with(taps + direction, sd), self._with(taps - direction, sd)
@@ -150,9 +151,9 @@ def _predictors(taps: Floats, sd: float) -> tuple[tuple[Floats, float], ...]:
 
 def _solved(S: Floats, order: int) -> tuple[Floats, float]:
     """Taps, and the power of the innovations."""
-    own = S[1 : order + 1, 1 : order + 1] + _TINY * S[0, 0] * np.eye(order)
+    own = S[1 : order + 1, 1 : order + 1] + (_TINY * S[0, 0] + _SILENT) * np.eye(order)
     taps = np.linalg.solve(own, S[1 : order + 1, 0]) if order else np.zeros(0)
-    return taps, max(float(S[0, 0] - taps @ S[1 : order + 1, 0]), _TINY * float(S[0, 0]) + 1e-300)
+    return taps, max(float(S[0, 0] - taps @ S[1 : order + 1, 0]), _TINY * float(S[0, 0]) + _SILENT)
 
 
 def _lag_products(parts: Sequence[Floats], order: int) -> tuple[Floats, int]:

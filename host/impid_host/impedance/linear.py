@@ -139,21 +139,21 @@ def fit_linear(
     rows = sum(len(stretch.target) for stretch in stretches)
     if rows < 5 * parameters:
         raise UndeterminedError(f"{rows} usable rows for {parameters} parameters; longer trials are needed")
-    scale = 1 / np.sqrt(np.mean(np.concatenate([s.target for s in stretches]) ** 2, axis=0) + 1e-300)
-    work = [_weighted(stretch, float(np.median(scale))) for stretch in stretches]
+    target = np.concatenate([stretch.target for stretch in stretches])
+    size = float(np.sqrt(np.mean(target**2)))
+    work = [_weighted(stretch, 1 / size if size > 0 else 1.0) for stretch in stretches]
     _require_determined(work, names)
     found = _ordinary(work)
     if ar_order > 0:
         white = _generalised(work, found, ar_order)
-        sigmas = np.abs(white.value - found.value) / np.sqrt(np.diag(found.covariance))
-        if np.all(sigmas < _HAUSMAN_SIGMAS):
+        moved = np.abs(white.value - found.value)
+        if np.all(moved < _HAUSMAN_SIGMAS * np.sqrt(np.diag(found.covariance))):
             found = white
     covariance = found.covariance
     if nuisance_covariance is not None:
         gain = _nuisance_gain(found.work)
         covariance = covariance + gain @ nuisance_covariance @ gain.T
     residual = np.concatenate([_residual(stretch, found.value) for stretch in stretches])
-    target = np.concatenate([stretch.target for stretch in stretches])
     return Estimate(
         names=names,
         units=units,
@@ -162,7 +162,7 @@ def fit_linear(
         covariance_spread=found.spread,
         rows=rows,
         residual_rms=np.sqrt(np.mean(residual**2, axis=0)),
-        relative_error_percent=float(100 * np.linalg.norm(residual) / np.linalg.norm(target)),
+        relative_error_percent=float(100 * np.linalg.norm(residual) / max(np.linalg.norm(target), 1e-300)),
         ar_order=found.orders,
     )
 
@@ -310,7 +310,7 @@ def _andrews_bandwidth(scores: Sequence[Floats], rows: int) -> float:
     rho = np.sum(now * before, axis=0) / np.maximum(np.sum(before**2, axis=0), 1e-300)
     rho = np.clip(rho, -0.95, 0.97)
     variance = np.var(now - rho * before, axis=0)
-    weight = 1 / np.maximum(variance, 1e-300) ** 2
+    weight = 1 / np.maximum(variance, 1e-150) ** 2
     top = np.sum(weight * 4 * rho**2 * variance**2 / ((1 - rho) ** 6 * (1 + rho) ** 2))
     bottom = np.sum(weight * variance**2 / (1 - rho) ** 4)
-    return float(np.clip(1.1447 * (top / bottom * rows) ** (1 / 3), 1.0, max(1.0, rows / 10)))
+    return float(np.clip(1.1447 * (top / max(bottom, 1e-300) * rows) ** (1 / 3), 1.0, max(1.0, rows / 10)))

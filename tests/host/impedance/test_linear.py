@@ -107,3 +107,23 @@ def test_what_the_rows_do_not_determine_is_named() -> None:
         fit_linear([Stretch(flat, design @ TRUE)], NAMES, UNITS)
     with pytest.raises(UndeterminedError, match="longer trials"):
         fit_linear([Stretch(design[:4], design[:4] @ TRUE)], NAMES, UNITS)
+
+
+@pytest.mark.parametrize("silent", [(0,), (0, 1)])
+def test_a_channel_without_a_force(silent: tuple[int, ...]) -> None:
+    # A torque that was never logged is a column of zeros; it must not take the other with it.
+    rng = np.random.default_rng(9)
+    design = motion(rng, 400, 10.0)
+    target = design @ TRUE + rng.normal(0, 0.01, (400, 2))
+    for channel in silent:
+        design[:, channel] = 0.0
+        target[:, channel] = 0.0
+    if len(silent) == 2:
+        with pytest.raises(UndeterminedError, match="nothing in these trials"):
+            fit_linear([Stretch(design, target)], NAMES, UNITS)
+        fit = fit_linear([Stretch(motion(rng, 400, 10.0), target)], NAMES, UNITS)
+        assert fit.value == pytest.approx(np.zeros(3))
+    else:
+        fit = fit_linear([Stretch(design, target)], NAMES, UNITS)
+        assert fit.value == pytest.approx(TRUE, rel=0.05)
+    assert np.all(np.isfinite(fit.ci95))
