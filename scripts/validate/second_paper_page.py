@@ -241,9 +241,8 @@ def _fits(document: Json) -> list[str]:
         *table(head, counts),
         "",
         "The largest errors of the published fit are the damping of the arrays (true 0.23 to 0.36 N s/m): their resonances are "
-        "0.1 Hz wide, narrower than either window. Its interval knows. On these almost noise-free arrays the weighted intervals "
-        "are a few hundredths of a percent wide, and something systematic of that size is left: the 500 Hz command is a "
-        "staircase, whose images the 500 Hz log of the force folds back (2 to 4 parts in 10⁴ at 10 Hz, growing with f²).",
+        "0.1 Hz wide, narrower than either window. Its bias is taken off "
+        "where the interval stands.",
         "",
     ]
 

@@ -86,11 +86,8 @@ def signals_of(study: Path, load: str) -> list[TrialSignals]:
     """Force by the physical sensor, motion and perturbation of every trial of a load."""
     setup = read_setup(study / "setup.toml")
     model = robot_model(setup.robot)
-    out = []
-    for place in sorted(study.glob(f"{load}_*")):
-        one = shaken(read_trial(place, setup), setup, model)
-        out.append(longest_stretch(load_signals(one, None), one))
-    return out
+    trials = [shaken(read_trial(place, setup), setup, model) for place in sorted(study.glob(f"{load}_*"))]
+    return [longest_stretch(s, one) for s, one in zip(load_signals(trials, None), trials, strict=True)]
 
 
 def estimates_of(

@@ -16,10 +16,15 @@ from impid_host.impedance.matrices import Quantity
 from impid_host.impedance.periodic import Periodic, PeriodicTrial, evaluate_periodic, period_rows
 from impid_host.impedance.rows import Split
 from impid_host.impedance.spectral.disagreement import Disagreement, disagreement
-from impid_host.impedance.spectral.estimate import SpectralEstimate, TrialSignals, estimate_spectral
+from impid_host.impedance.spectral.estimate import (
+    FIT_UPPER_HZ,
+    SpectralEstimate,
+    TrialSignals,
+    estimate_spectral,
+)
 from impid_host.impedance.spectral.normality import NormalityCheck
 from impid_host.impedance.spectral.second_order import SecondOrderFit
-from impid_host.impedance.spectral.transforms import MARGIN
+from impid_host.impedance.spectral.transforms import MARGIN, cross_spectra
 from impid_host.impedance.spectral.welch import FINE, SMOOTH, WelchSetting, independent_averages
 from impid_host.impedance.virtual_sensor import external_force, through_jacobian
 from impid_host.robot.model import RobotModel
@@ -110,7 +115,7 @@ def fit_spectral(
     name = trials[0].load
     if trials[0].x.shape[1] != 2:
         raise UndeterminedError(f"load {name}: stochastic trials need an end-effector that moves in a plane")
-    whole = [load_signals(one, robot) for one in shaken_trials]
+    whole = load_signals(shaken_trials, robot)
     runs = [longest_stretch(signals, one) for signals, one in zip(whole, shaken_trials, strict=True)]
     rate = trials[0].rate_hz
     window, setting = _setting(name, [len(run.force) for run in runs], rate)
@@ -153,10 +158,67 @@ def quantities_of(fit: SecondOrderFit, handle_kg: float = 0.0) -> tuple[Quantity
     )
 
 
-def load_signals(one: ShakenTrial, robot: RobotParameters | None) -> TrialSignals:
-    """Force of the robot on the load by virtual or physical sensor, with the motion, over the whole trial.
+def load_signals(trials: Sequence[ShakenTrial], robot: RobotParameters | None) -> list[TrialSignals]:
+    """Force of the robot on the load by virtual or physical sensor, with the motion, over whole trials.
 
-    A row of the log holds means over its period; the mean's gain is taken off.
+    A row of the log holds means over its period; the mean's gain is taken off, and so is what the mean makes
+    of a perturbation that is held from row to row.
+
+    Raises:
+        UndeterminedError: no forces were logged and no robot is given.
+    """
+    signals = [_signals(one, robot) for one in trials]
+    if not all(held_by_rows(one.command) for one in trials):
+        return signals
+    share = np.eye(2) if robot is not None else _passed_on(signals, trials)
+    return [
+        replace(s, force=s.force + _staircase(s.perturbation, share, one))
+        for s, one in zip(signals, trials, strict=True)
+        if s.perturbation is not None
+    ]
+
+
+def held_by_rows(command: Floats | None) -> bool:
+    """Whether a logged command is a new one in nearly every row; then it was held from row to row."""
+    if command is None:
+        return False
+    active = np.any(command != 0.0, axis=1)
+    new = np.any(np.diff(command, axis=0) != 0.0, axis=1)
+    return bool(np.sum(active) > 100 and np.mean(new[active[1:]]) > 0.9)
+
+
+def _passed_on(signals: Sequence[TrialSignals], trials: Sequence[ShakenTrial]) -> Floats:
+    """The share of a fast perturbation that reaches the load: T near the band's end, real, (2, 2)."""
+    runs = [longest_stretch(s, one) for s, one in zip(signals, trials, strict=True)]
+    rate = trials[0].aligned.rate_hz
+    setting = SMOOTH.scaled(rate)
+    if min(len(run.force) for run in runs) < setting.n_window + 2 * MARGIN:
+        return np.zeros((2, 2))
+    p, F = ([getattr(run, name) for run in runs] for name in ("perturbation", "force"))
+    S_pp, S_Fp = (
+        np.sum([cross_spectra(a, b, rate, setting)[1] for a, b in zip(x, p, strict=True)], axis=0)
+        for x in (p, F)
+    )
+    f = np.arange(setting.n_fft // 2 + 1) * rate / setting.n_fft
+    near = (f > 0.8 * FIT_UPPER_HZ) & (f <= FIT_UPPER_HZ)
+    return np.asarray(np.real(np.sum(S_Fp[near], axis=0) @ np.linalg.inv(np.sum(S_pp[near], axis=0))))
+
+
+def _staircase(p: Floats, share: Floats, one: ShakenTrial) -> Floats:
+    """What is missing of a force whose part `share` p follows the staircase that plays p, N, (N, 2).
+
+    The mean over a period centred on a switching instant is (p[k-1] + p[k]) / 2, of gain cos(pi f T); the
+    staircase's own part at f has sinc(f T). The undone mean is short by (pi f T)^2 / 6 of it: 7e-4 at 10 Hz.
+    """
+    rate = one.aligned.rate_hz
+    T = 1.0 / one.log_rate_hz
+    bend = scipy.ndimage.convolve1d(p, np.array([1.0, -2.0, 1.0]) * rate**2, axis=0, mode="nearest")
+    late = np.roll(bend, round(0.5 * T * rate), axis=0)
+    return np.asarray(-(T**2 / 24.0) * late @ share.T)
+
+
+def _signals(one: ShakenTrial, robot: RobotParameters | None) -> TrialSignals:
+    """Of one trial, the mean's gain taken off.
 
     Raises:
         UndeterminedError: no forces were logged and no robot is given.

@@ -134,6 +134,7 @@ def agreement_figure(
         for i in range(2):
             for j in range(2):
                 panels[i, j].set_title(f"VAF$_{{{AXES[i]}{AXES[j]}}}$ (%)", loc="left")
+                panels[i, j].ticklabel_format(axis="y", useOffset=False)
         panels[2, 0].set_title("R²", loc="left")
         panels[2, 1].set_axis_off()
         panels[2, 1].legend(*panels[2, 0].get_legend_handles_labels(), loc="center left")
