@@ -1,55 +1,63 @@
 """The disk fills up at random moments: the file opens, ends with the last whole flush, and says what it lacks.
 
-Every recording is given a file size beyond which the system refuses to write. What had arrived by then and is
-not in the file is the recorder's own count; it is held against the board's, which is told to stop at once.
+The recorder's library in this process, under a file size beyond which the system refuses to write. What had
+arrived by then and is not in the file is the recorder's count at the failed write against the file read back.
 """
 
-import re
 import resource
-import subprocess
 import sys
 import tempfile
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
-from common import RECORD, PtyBoard, save
+from common import PtyBoard, save
+from impid_host.errors import InputError
+from impid_host.link.client import BoardClient
+from impid_host.link.port import SerialLink
 from impid_host.recording.reader import read_recording
+from impid_host.recording.recorder import Recorder
+from impid_host.recording.writer import RecordingWriter
 
-MISSING = re.compile(r"(\d+) samples that had arrived are missing")
+
+def run(out: Path, size: int) -> dict[str, int | bool]:
+    """Record until the limit is hit."""
+    board = PtyBoard()
+    hard = resource.getrlimit(resource.RLIMIT_FSIZE)[1]
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, hard))
+    try:
+        with SerialLink.open(board.port) as link:
+            writer = RecordingWriter.create(out, {})
+            outcome = Recorder(BoardClient(link), writer).run(30.0)
+            with suppress(InputError):
+                writer.close({"ending": outcome.ending})
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (hard, hard))
+        board.close()
+    recording = read_recording(out)
+    s = [segment.samples for segment in recording.segments]
+    return {
+        "missing": outcome.progress.counts.stored - sum(map(len, s)),
+        "torn": "0 of its" not in recording.warnings[0],
+        "wrong": any(not np.array_equal(x.t_us, x.enc1.astype(np.uint64) * 1000) for x in s),
+        "unclear": outcome.ending != "disk-full" or "free some space" not in outcome.trouble,
+    }
 
 
 def main(times: int = 200) -> None:
     rng = np.random.default_rng(2)
-    torn = wrong = unclear = 0
-    missing = []
+    found = []
     with tempfile.TemporaryDirectory() as folder:
         for number in range(times):
-            board, out, size = PtyBoard(), Path(folder) / f"{number}.mcap", int(rng.uniform(8e3, 60e3))
-            done = subprocess.run(
-                [*RECORD, "--port", board.port, "--duration", "30", "--out", str(out)],
-                capture_output=True,
-                text=True,
-                timeout=120,
-                check=False,
-                preexec_fn=lambda size=size: resource.setrlimit(resource.RLIMIT_FSIZE, (size, size)),
-            )
-            board.close()
-            recording = read_recording(out)
-            torn += "0 of its" not in recording.warnings[0]
-            s = [segment.samples for segment in recording.segments]
-            wrong += any(not np.array_equal(x.t_us, x.enc1.astype(np.uint64) * 1000) for x in s)
-            said = MISSING.search(done.stderr)
-            lines = done.stderr.strip().splitlines()
-            unclear += done.returncode != 1 or said is None or not lines[-1].startswith("impid-host: ")
-            missing.append(int(said[1]) if said else -1)
+            out = Path(folder) / f"{number}.mcap"
+            found.append(run(out, int(rng.uniform(8e3, 60e3))))
             out.unlink()
+    missing = [each["missing"] for each in found]
     save(
         "disk",
         times=times,
-        opened=len(missing),
-        torn=torn,
-        wrong=wrong,
-        unclear=unclear,
+        opened=len(found),
+        **{name: sum(bool(each[name]) for each in found) for name in ("torn", "wrong", "unclear")},
         missing_ms={"median": float(np.median(missing)), "worst": max(missing)},
         over_100_ms=sum(m > 100 for m in missing),
     )

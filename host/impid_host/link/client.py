@@ -177,6 +177,23 @@ class BoardClient:
             )
         return answer
 
+    def _answers_to(self, opcode: str, items: tuple[str, ...]) -> list[Response]:
+        """The answers to a few questions asked at once: a board that has been reset streams again soon.
+
+        Raises:
+            LinkError: one has no answer.
+        """
+        asked = {item: self._next_id() for item in items}
+        carrier = self._link.carrier
+        frames = [
+            carrier.encode_command(number, OPCODE[opcode], ITEM[item], 0) for item, number in asked.items()
+        ]
+        self._send(carrier.preamble + b"".join(frames))
+        return [
+            self._await_answer(number) or self._answer(opcode, ITEM[item], 0)
+            for item, number in asked.items()
+        ]
+
     def _ask(self, opcode: str, item: int, value: int, tries: int) -> Response | None:
         request_id = self._next_id()
         carrier = self._link.carrier
@@ -233,10 +250,10 @@ class BoardClient:
         Raises:
             LinkError: no answer.
         """
-        found = self._read_all("LOG", ("LAST_BOOT_ID", "LAST_PRODUCED"))
-        if not found.get("last_boot_id"):
+        boot_id, produced = self._answers_to("LOG", ("LAST_BOOT_ID", "LAST_PRODUCED"))
+        if {boot_id.result, produced.result} != {RESULT["OK"]} or not boot_id.value:
             return None
-        return LastStream(found["last_boot_id"], found["last_produced"])
+        return LastStream(boot_id.value, produced.value)
 
     def _read_all(self, opcode: str, names: tuple[str, ...]) -> dict[str, int]:
         found = {}
@@ -288,9 +305,11 @@ class BoardClient:
         Raises:
             LinkError: no answer.
         """
-        uid = tuple(self.request("INFO", ITEM[f"UID_{n}"]).value for n in range(3))
-        boot_id, cause = (self.request("INFO", ITEM[name]).value for name in ("BOOT_ID", "RESET_CAUSE"))
-        return Identity((uid[0], uid[1], uid[2]), boot_id, cause)
+        x, y, z, boot_id, cause = (
+            answer.value
+            for answer in self._answers_to("INFO", ("UID_0", "UID_1", "UID_2", "BOOT_ID", "RESET_CAUSE"))
+        )
+        return Identity((x, y, z), boot_id, cause)
 
     def streaming(self) -> bool:
         """Whether the board says that it streams.

@@ -20,7 +20,8 @@ from impid_host.link.link import Chunk
 from impid_host.wire.carrier import SERIAL
 from impid_host.wire.messages import SERIAL_BAUD
 
-_READ_BYTES = 65536
+# 55 ms of the stream: what has piled up while the machine was busy is still handed on in small pieces.
+_READ_BYTES = 1024
 
 
 class SerialLink:

@@ -27,6 +27,8 @@ FLUSH_INTERVAL_S = 0.1  # promised
 FLUSH_PERIOD_S = (
     0.02  # aimed at, so that a busy machine does not break the promise; 17 % more file than 50 ms
 )
+# The same when much comes at once, as after a stall: a flush that fails or a kill then costs no more.
+_FLUSH_SAMPLES = 40
 SYNC_INTERVAL_S = 1.0
 # Chunks end with a flush; this only bounds memory should flushes come late.
 _CHUNK_BYTES = 4 << 20
@@ -50,6 +52,7 @@ class RecordingWriter:
         self._wall_minus_monotonic_ns = time.time_ns() - time.monotonic_ns()
         self._plot_anchor: tuple[int, int, int] | None = None  # run, log time ns, board time us
         self._flushed_s = self._synced_s = time.monotonic()
+        self._unflushed = 0  # samples
         self._mcap = Writer(file, chunk_size=_CHUNK_BYTES, compression=CompressionType.ZSTD)  # type: ignore[arg-type]
         self._mcap.start(profile=channels.PROFILE, library=f"impid-host {__version__}")
         for name, values in metadata.items():
@@ -91,6 +94,7 @@ class RecordingWriter:
         Their log time is for plotting: board time plus a constant of the run. It is no measurement.
         """
         s = segment.samples
+        self._unflushed += len(segment)
         first_us = int(s.t_us[0])
         if self._plot_anchor is None or self._plot_anchor[0] != segment.run:
             self._plot_anchor = (segment.run, self._log_time(received_ns), first_us)
@@ -122,9 +126,10 @@ class RecordingWriter:
         self._json(channels.EVENTS, now.monotonic_ns, body)
 
     def flush_when_due(self) -> None:
-        """Flush if 20 ms have passed, sync if a second has. To be called at least every few ms."""
+        """Flush if 20 ms or 40 samples have passed, sync if a second has. To be called every few ms."""
         now = time.monotonic()
-        if now - self._flushed_s >= FLUSH_PERIOD_S:
+        much = self._unflushed >= _FLUSH_SAMPLES * max(1.0, self._nominal_rate)
+        if much or now - self._flushed_s >= FLUSH_PERIOD_S:
             self.flush()
         if now - self._synced_s >= SYNC_INTERVAL_S:
             self._file.sync_soon()
@@ -138,6 +143,7 @@ class RecordingWriter:
         """
         self._mcap.flush()  # type: ignore[no-untyped-call]
         self._flushed_s = time.monotonic()
+        self._unflushed = 0
 
     def close(self, summary: Mapping[str, str]) -> None:
         """Write the summary and the index, and close the file.

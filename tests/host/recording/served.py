@@ -71,16 +71,17 @@ class Outcome:
         return [
             after
             for fault in self.closed["faults"]
-            if "end" in fault and fault["end"] is not None
             for after in [self._resumed_ms(fault)]
             if after is not None
         ]
 
     def _resumed_ms(self, fault: dict[str, Any]) -> float | None:
-        end_us, boot = fault["end"]["board_us"], fault["end"]["boot_id"]
-        later = [s for s in self.recording.segments if s.boot_id > boot]
         if fault["kind"] in ("watchdog", "brown_out", "board_reset"):
+            later = [s for s in self.recording.segments if s.boot_id > fault["begin"]["boot_id"]]
             return float(later[0].samples.t_us[0]) / 1000 if later else None
+        if not fault.get("end"):
+            return None
+        end_us, boot = fault["end"]["board_us"], fault["end"]["boot_id"]
         for segment in self.recording.segments:
             if segment.boot_id == boot:
                 after = segment.samples.t_us[segment.samples.t_us >= end_us]
