@@ -29,11 +29,12 @@ from impid_host.diagnosis.oddities import Oddity
 from impid_host.diagnosis.prepare import setting_of, views
 from impid_host.diagnosis.proof import corrected
 from impid_host.diagnosis.refit import Refit, refit
-from impid_host.diagnosis.result import Chosen, Diagnosis, Floor, Structure
+from impid_host.diagnosis.reported import upheld_stages, withdrawn_structure
+from impid_host.diagnosis.result import Chosen, Diagnosis, Finding, Floor, Structure
 from impid_host.diagnosis.rows import Run, Slot, Taps, build_runs, slots_of
 from impid_host.diagnosis.shapes import structures
 from impid_host.diagnosis.smooth import smooth_candidates
-from impid_host.diagnosis.stages import Bench, named_stages, unattributed_stage
+from impid_host.diagnosis.stages import Bench, unattributed_stage
 from impid_host.diagnosis.ties import ties
 from impid_host.diagnosis.traces import traces
 from impid_host.diagnosis.unsteady import unsteady
@@ -103,12 +104,14 @@ def diagnose(study: Study, progress: Progress = _silent) -> Diagnosis:
         study.setup.handle_mass_kg,
         None if prior is None else tuple(prior),
     )
-    stages, fit = named_stages(bench, findings)
+    stages, fit, findings, withdrawn = upheld_stages(bench, findings)
+    active = still_named(table, active, withdrawn)
     left = structures(table, active, curves, case.views)
     left += spectral_lines(table, [*active, *curves], case.taps)
     left += wandering(table, [*active, *curves], case.taps)
     if not left:
         left += unsteady_of(case, fit)
+    left += [withdrawn_structure(finding, stages) for finding in withdrawn]
     first, last = stages[0].rms, stages[-1].rms
     if left:
         shown = [row.on for row in left]
@@ -146,6 +149,14 @@ def diagnose(study: Study, progress: Progress = _silent) -> Diagnosis:
         ambiguous=tuple(ties(table, active)),
         notes=tuple(notes),
     )
+
+
+def still_named(table: Table, active: Sequence[int], withdrawn: Sequence[Finding]) -> list[int]:
+    """The slots without those of the findings that were withdrawn."""
+    gone = {(f.effect, part.candidate.where) for f in withdrawn for part in f.parts}
+    return [
+        s for s in active if (table.slots[s].candidate.effect, table.slots[s].candidate.where) not in gone
+    ]
 
 
 def carries(part: Chosen) -> bool:

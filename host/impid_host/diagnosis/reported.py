@@ -1,0 +1,61 @@
+"""The last word of the reported error: a name under which held-out data come out worse is withdrawn.
+
+The choice looks at whitened rows in a band of its own; a reader looks at the rms in the band of the paper.
+"""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from impid_host.diagnosis.refit import Refit
+from impid_host.diagnosis.result import Finding, Stage, Structure
+from impid_host.diagnosis.stages import Bench, named_stages
+
+_WORSE = (
+    0.01  # mean logarithm of the ratios of rms over the channels: chance in untouched channels stays below
+)
+_MUCH = 1.5  # no channel may pay for the others with so much
+
+
+def upheld_stages(
+    bench: Bench, findings: Sequence[Finding]
+) -> tuple[tuple[Stage, ...], Refit, list[Finding], list[Finding]]:
+    """Stages and last fit of the findings that do no harm, these findings, and those withdrawn."""
+    kept = list(findings)
+    withdrawn: list[Finding] = []
+    while True:
+        stages, fit = named_stages(bench, kept)
+        harmful = _harmful(bench, kept, stages)
+        if harmful is None:
+            return stages, fit, kept, withdrawn
+        withdrawn.append(kept.pop(harmful))
+
+
+def is_worse(with_it: Mapping[str, float], without: Mapping[str, float]) -> bool:
+    """Whether held-out rms (by channel) says that an effect should not be there."""
+    ratios = np.array([with_it[key] / max(own, 1e-300) for key, own in without.items() if with_it.get(key)])
+    return bool(len(ratios) and (np.mean(np.log(ratios)) > _WORSE or ratios.max() > _MUCH))
+
+
+def _harmful(bench: Bench, findings: Sequence[Finding], stages: Sequence[Stage]) -> int | None:
+    """The finding without which the final model would do better, among those whose stage did worse."""
+    for k in reversed(range(len(findings))):
+        if not is_worse(stages[k + 1].rms, stages[k].rms):
+            continue
+        rest = [part for j, finding in enumerate(findings) if j != k for part in finding.parts]
+        without = stages[k] if k == len(findings) - 1 else bench.stage(bench.fit(rest), None)
+        if is_worse(stages[-1].rms, without.rms):
+            return k
+    return None
+
+
+def withdrawn_structure(finding: Finding, stages: Sequence[Stage]) -> Structure:
+    """What is said of a name that was withdrawn: there is something, and this is not it."""
+    joints = [name for name in finding.where if name.startswith("joint")]
+    on = f"tau{joints[0][-1]}" if joints else max(stages[0].rms, key=lambda key: 1 - stages[0].vaf[key] / 100)
+    none = np.zeros((0, 2))
+    words = (
+        f"something in the fit part resembles {finding.effect}@{'+'.join(finding.where)}, but with it the "
+        "error on held-out data rises: no cause is named"
+    )
+    return Structure("time", on, finding.share_of_residual, none, none, words)
