@@ -51,7 +51,9 @@ def combinations(stretches: Sequence[Stretch], names: Sequence[str]) -> Combinat
     if len(alive) == 0:
         raise UndeterminedError("nothing moves in these trials")
     R = linalg.qr(W[:, alive] / size[alive], mode="r")[0]
-    independent = np.abs(np.diag(R[: len(alive)])) > _TOLERANCE
+    independent = np.zeros(len(alive), dtype=bool)
+    steps = np.abs(np.diag(R))  # fewer than columns where there are fewer rows
+    independent[: len(steps)] = steps > _TOLERANCE
     kept = alive[independent]
     rest = np.setdiff1d(np.arange(len(names)), kept)
     # A column that is nothing but rounding belongs to no combination.

@@ -9,7 +9,7 @@ import numpy as np
 
 from impid_host.errors import UndeterminedError
 from impid_host.impedance.combinations import combinations, needs_unseen
-from impid_host.impedance.linear import Estimate, Stretch, fit_linear
+from impid_host.impedance.linear import Estimate, Stretch, enough_rows, fit_linear
 from impid_host.impedance.loads import LoadModel
 from impid_host.impedance.matrices import Quantity, load_matrices
 from impid_host.impedance.reliability import by_angles, what_noise_hides
@@ -143,6 +143,8 @@ def identify_robot(
                 estimate = fit_linear(rows, names, units, ar_order=chain.ar_order)
                 value, covariance = estimate.value, estimate.covariance
         except UndeterminedError:
+            if not enough_rows(rows, len(names)):
+                raise
             part = combinations(rows, names)
             if part.unseen.shape[1] == 0:
                 raise
@@ -255,10 +257,20 @@ def _require_seen(equations: Sequence[Equation], robot: RobotParameters, load: s
     for equation in equations:
         slope = equation.nuisance
         if robot.unseen is not None and slope is not None and needs_unseen(slope, robot.unseen):
-            raise UndeterminedError(
-                f"load {load}: its trials need robot parameters that the free trials leave open; "
-                "record a free trial that moves every joint"
+            names = robot.structure.parameter_names
+            open_rows = np.any(robot.unseen != 0, axis=1)
+            hidden = ", ".join(name for name, is_open in zip(names, open_rows, strict=True) if is_open)
+            check = (
+                " and check that the accelerometer follows the motion" if _by_accelerometer(equations) else ""
             )
+            raise UndeterminedError(
+                f"load {load}: its trials need robot parameters that the free trials leave open ({hidden}); "
+                f"record a free trial that moves every joint{check}"
+            )
+
+
+def _by_accelerometer(equations: Sequence[Equation]) -> bool:
+    return any(equation.trial.source == "accelerometer" for equation in equations)
 
 
 @contextmanager

@@ -24,6 +24,7 @@ from impid_host.impedance.colour import Colour, colour_of
 from impid_host.signals.arrays import Floats
 
 _MAX_CONDITION = 1e7
+_ROWS_PER_PARAMETER = 5
 _ROUNDS = 6
 _SETTLED = 1e-3  # of a standard deviation, from one round to the next
 _ROUNDING = 1e-7  # a column so much smaller than the largest one is a filter's rounding
@@ -116,6 +117,11 @@ class _Solution:
     orders: tuple[int, ...]
 
 
+def enough_rows(stretches: Sequence[Stretch], parameters: int) -> bool:
+    """True where there are rows enough for a fit of so many parameters."""
+    return sum(len(stretch.target) for stretch in stretches) >= _ROWS_PER_PARAMETER * parameters
+
+
 def fit_linear(
     stretches: Sequence[Stretch],
     names: tuple[str, ...],
@@ -137,7 +143,7 @@ def fit_linear(
     """
     parameters = len(names)
     rows = sum(len(stretch.target) for stretch in stretches)
-    if rows < 5 * parameters:
+    if not enough_rows(stretches, parameters):
         raise UndeterminedError(f"{rows} usable rows for {parameters} parameters; longer trials are needed")
     target = np.concatenate([stretch.target for stretch in stretches])
     size = float(np.sqrt(np.mean(target**2)))
@@ -162,7 +168,9 @@ def fit_linear(
         covariance_spread=found.spread,
         rows=rows,
         residual_rms=np.sqrt(np.mean(residual**2, axis=0)),
-        relative_error_percent=float(100 * np.linalg.norm(residual) / max(np.linalg.norm(target), 1e-300)),
+        relative_error_percent=float(
+            100 * np.linalg.norm(residual) / max(float(np.linalg.norm(target)), 1e-300)
+        ),
         ar_order=found.orders,
     )
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from impid_host.errors import UndeterminedError
 from impid_host.impedance.combinations import combinations
 from impid_host.impedance.identify import Method, RobotParameters, load_rows, load_twins, method_of
-from impid_host.impedance.linear import Estimate, fit_linear
+from impid_host.impedance.linear import Estimate, enough_rows, fit_linear
 from impid_host.impedance.loads import LoadModel
 from impid_host.impedance.reliability import what_noise_hides
 from impid_host.impedance.rows import Split
@@ -52,6 +52,8 @@ def identify_partially(
     """
     _, rows = load_rows(trials, load, chain, split, robot)
     names = load.parameter_names
+    if not enough_rows(rows, len(names)):
+        raise error
     part = what_noise_hides(rows, load_twins(trials, load, chain, split), names) or combinations(rows, names)
     if part.unseen.shape[1] == 0:
         raise error

@@ -12,7 +12,7 @@ import numpy as np
 from scipy import linalg
 
 from impid_host.impedance.combinations import Combinations, combinations, combinations_left
-from impid_host.impedance.linear import Stretch
+from impid_host.impedance.linear import Stretch, enough_rows
 from impid_host.signals.align import AlignedTrial
 from impid_host.signals.arrays import Floats
 from impid_host.signals.filters import central_difference
@@ -34,11 +34,12 @@ def what_noise_hides(
 
     Args:
         rows: by the accelerometer; twins: the same by the angles, or empty where there is nothing to compare.
+            Rows too few for a fit are left to it to refuse.
 
     Raises:
         UndeterminedError: nothing moves, or nothing above the noise.
     """
-    if not twins:
+    if not twins or not enough_rows(rows, len(names)):
         return None
     exact = combinations(rows, names)
     weak = noise_directions([exact.cut(stretch) for stretch in rows], [exact.cut(twin) for twin in twins])
