@@ -22,9 +22,10 @@ from impid_host.diagnosis.result import Floor
 from impid_host.diagnosis.rows import Index, Run, build_runs
 from impid_host.diagnosis.whiten import autoregression
 from impid_host.effects.view import ANGLE, View
-from impid_host.signals.arrays import Floats
+from impid_host.signals.arrays import Floats, Mask
 
-_ROUNDS = 3
+_ROUNDS = 2
+_DRAWS = 40
 _EDGE_S = 0.3  # where the narrow filter has not settled
 ADXL203_NOISE = 110e-6 * 9.80665  # m/s^2/sqrt(Hz), data sheet: at rest, it can be no less
 RATED_HZ = 1000.0  # of logs in the study format
@@ -128,14 +129,11 @@ def _noise(
             by_key.setdefault(run.key, []).append((run, narrow[0], run.begin_s + narrow[1]))
     left: dict[str, dict[tuple[str, int], list[Floats]]] = {}
     for key, parts in by_key.items():
-        series = _residuals([rows for _, rows, _ in parts])
-        held = [k for k, (run, _, _) in enumerate(parts) if run.part == "validation"]
-        got = sum(float(residual @ residual) for residual, _ in (series[k] for k in held))
-        had = sum(float(np.sum(squares)) for _, squares in (series[k] for k in held))
-        for k in held:
-            run, _, place = parts[k]
-            own = series[k][0] * np.sqrt(had / max(got, 1e-300))
-            left.setdefault(run.trial, {}).setdefault(key, []).append(np.column_stack([place, own]))
+        held = np.concatenate([np.full(len(rows), run.part == "validation") for run, rows, _ in parts])
+        series = _noise_series([rows for _, rows, _ in parts], held)
+        for (run, _, place), own in zip(parts, series, strict=True):
+            if run.part == "validation":
+                left.setdefault(run.trial, {}).setdefault(key, []).append(np.column_stack([place, own]))
     views = {view.name: view for view in fit.views}
     return [_of_trial(views[trial], channels) for trial, channels in left.items()]
 
@@ -180,45 +178,32 @@ def _narrow(rows: Floats, step_s: float, cutoff_hz: float) -> tuple[Floats, Floa
     return result[inside], np.asarray(step_s * np.arange(len(rows))[inside], dtype=np.float64)
 
 
-def _residuals(parts: Sequence[Floats]) -> list[tuple[Floats, Floats]]:
-    """Of stretches [target | columns]: residual (N,), and squares to expect of the noise behind it, (N,).
+def _noise_series(parts: Sequence[Floats], held: Mask) -> list[Floats]:
+    """Residuals (N,) of stretches [target | columns], scaled to the noise behind them on the `held` rows.
 
-    Generalised least squares with an autoregressive noise: slow noise is not mistaken for what the columns
-    explain. Of the noise n the fit leaves n - X d, cov(d) = C, and E[(n - X d)^2] = E[n^2] - diag(X C X^T).
+    What so many columns take of the noise by chance depends on its colour: found by sending noise of the
+    residual's own autoregression through the same regression.
     """
-    width = parts[0].shape[1]
     stacked = np.concatenate(parts)
     size = np.linalg.norm(stacked[:, 1:], axis=0)
-    used = np.append(0, 1 + np.flatnonzero(size > 1e-12 * size.max(initial=0.0))) if width > 1 else [0]
-    size = np.append(1.0, size)[used]
-    parts = [part[:, used] / size for part in parts]
-    taps = np.ones(1)
-    for _ in range(_ROUNDS):
-        white = np.concatenate([_filtered(part, taps) for part in parts])
-        U, s, Vt = np.linalg.svd(white[:, 1:], full_matrices=False)
-        good = s > 1e-7 * s[0]
-        root = Vt[good].T / s[good]
-        value = root @ (U[:, good].T @ white[:, 0])
-        left = white[:, 0] - white[:, 1:] @ value
-        variance = float(left @ left) / max(len(left) - int(good.sum()), 1)
-        residuals = [part[:, 0] - part[:, 1:] @ value for part in parts]
-        squares = [
-            residual**2 + variance * np.sum((part[:, 1:] @ root) ** 2, axis=1)
-            for residual, part in zip(residuals, parts, strict=True)
-        ]
-        inflated = [
-            residual * np.sqrt(np.sum(own) / max(float(residual @ residual), 1e-300))
-            for residual, own in zip(residuals, squares, strict=True)
-        ]
-        taps = autoregression(inflated, 0.0)
-    return list(zip(residuals, squares, strict=True))
-
-
-def _filtered(rows: Floats, taps: Floats) -> Floats:
-    lost = len(taps) - 1
-    if len(rows) <= lost:
-        return rows[:0]
-    return np.asarray(sum(tap * rows[lost - k : len(rows) - k] for k, tap in enumerate(taps)))
+    used = 1 + np.flatnonzero(size > 1e-12 * size.max(initial=0.0))
+    U, s, _ = np.linalg.svd(stacked[:, used] / size[used - 1], full_matrices=False)
+    U = U[:, s > 1e-7 * s[0]]
+    residual = stacked[:, 0] - U @ (U.T @ stacked[:, 0])
+    cuts = np.cumsum([len(part) for part in parts])[:-1]
+    generator = np.random.default_rng(0)
+    share = 1.0 - U.shape[1] / len(residual)
+    for _ in range(_ROUNDS if held.any() else 0):
+        taps = autoregression([r / np.sqrt(share) for r in np.split(residual, cuts)], 0.0)
+        draws = np.concatenate(
+            [
+                signal.lfilter([1.0], taps, generator.normal(size=(len(p) + 50, _DRAWS)), axis=0)[50:]
+                for p in parts
+            ]
+        )
+        left = draws - U @ (U.T @ draws)
+        share = float(np.sum(left[held] ** 2) / np.sum(draws[held] ** 2))
+    return np.split(residual / np.sqrt(share), cuts)
 
 
 def _propagated(noise: _Noise, fit: Refit, base: Base, *, free: bool) -> dict[str, Floats]:
