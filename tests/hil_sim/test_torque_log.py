@@ -149,7 +149,7 @@ def test_heteroscedastic_noise_grows_with_the_quantity():
 
 
 def test_a_drives_noise_may_grow_with_the_speed():
-    """A joint that turns at -3 rad/s in the second half of each block of 1000 ticks, and rests in the first."""
+    """A joint that turns at -3 rad/s in the second half of each 1000 ticks, and rests in the first."""
     log = TorqueLog(
         LogTruth(noise=(NoiseTruth("speed", (0.1, 0.2)),)),
         zero_s=0.0,

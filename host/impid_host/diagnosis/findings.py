@@ -6,9 +6,10 @@ from dataclasses import replace
 import numpy as np
 from scipy import stats
 
-from impid_host.diagnosis.choice import Table, p_value, ranking, score_of
 from impid_host.diagnosis.evidence import gain, projected, solve
 from impid_host.diagnosis.result import Chosen, Finding, Number, Rival, as_array
+from impid_host.diagnosis.support import p_value
+from impid_host.diagnosis.table import Table, ranking, score_of
 from impid_host.effects.catalogue import CATALOGUE
 from impid_host.signals.arrays import Floats
 

@@ -2,21 +2,11 @@
 
 from collections.abc import Sequence
 
-from impid_host.diagnosis.choice import (
-    Shown,
-    Table,
-    block_grams,
-    carries_over,
-    channels,
-    choose,
-    energy,
-    p_value,
-    pruned,
-    ranking,
-    score_of,
-)
+from impid_host.diagnosis.choice import choose, pruned
 from impid_host.diagnosis.dynamic import is_response
 from impid_host.diagnosis.evidence import gain, projected
+from impid_host.diagnosis.support import Shown, block_grams, carries_over, channels, energy, p_value
+from impid_host.diagnosis.table import Table, ranking, score_of
 
 BETTER = 0.05  # part of what the effects explain, by which a curve must do better to be believed instead
 _PATCH = 0.1

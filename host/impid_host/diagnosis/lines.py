@@ -5,10 +5,10 @@ from collections.abc import Sequence
 import numpy as np
 from scipy import ndimage, stats
 
-from impid_host.diagnosis.choice import Table
 from impid_host.diagnosis.evidence import solve
 from impid_host.diagnosis.result import Structure
 from impid_host.diagnosis.rows import Taps
+from impid_host.diagnosis.table import Table
 from impid_host.signals.arrays import Floats
 
 _P_VALUE = 1e-4

@@ -12,12 +12,12 @@ import numpy as np
 from scipy import stats
 
 from impid_host.diagnosis.base import Base
-from impid_host.diagnosis.choice import BLOCK_S
 from impid_host.diagnosis.holdout import Holdout
 from impid_host.diagnosis.parameters import at, has_shape, moves, parted, vector_of, with_fine
 from impid_host.diagnosis.proof import corrected
 from impid_host.diagnosis.result import Chosen
 from impid_host.diagnosis.rows import Run, Taps, build_runs
+from impid_host.diagnosis.support import BLOCK_S
 from impid_host.diagnosis.whiten import whitened
 from impid_host.effects.view import View
 from impid_host.signals.arrays import Floats

@@ -11,23 +11,22 @@ from impid_host.diagnosis.refit import Refit
 from impid_host.diagnosis.result import Finding, Stage, Structure
 from impid_host.diagnosis.stages import Bench, named_stages
 
-_WORSE = (
-    0.01  # mean logarithm of the ratios of rms over the channels: chance in untouched channels stays below
-)
+# Mean logarithm of the ratios of rms over the channels: chance in untouched channels stays below.
+_WORSE = 0.01
 _MUCH = 1.5  # no channel may pay for the others with so much
 
 
 def upheld_stages(
     bench: Bench, findings: Sequence[Finding]
-) -> tuple[tuple[Stage, ...], Refit, list[Finding], list[Finding]]:
-    """Stages and last fit of the findings that do no harm, these findings, and those withdrawn."""
+) -> tuple[tuple[Stage, ...], Refit, list[Finding]]:
+    """Stages and last fit of the findings that do no harm, and those withdrawn."""
     kept = list(findings)
     withdrawn: list[Finding] = []
     while True:
         stages, fit = named_stages(bench, kept)
         harmful = _harmful(bench, kept, stages)
         if harmful is None:
-            return stages, fit, kept, withdrawn
+            return stages, fit, withdrawn
         withdrawn.append(kept.pop(harmful))
 
 

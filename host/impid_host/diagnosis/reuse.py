@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from impid_host.diagnosis.base import Base, base_of
-from impid_host.diagnosis.diagnose import informed
+from impid_host.diagnosis.case import informed
 from impid_host.diagnosis.holdout import Holdout
 from impid_host.diagnosis.parameters import at, count_of, moves, vector_of, with_fine
 from impid_host.diagnosis.prepare import setting_of, views

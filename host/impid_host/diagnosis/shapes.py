@@ -4,12 +4,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from impid_host.diagnosis.choice import Table
 from impid_host.diagnosis.dynamic import NODES_HZ, RESPONSE
 from impid_host.diagnosis.evidence import gain, projected, solve
 from impid_host.diagnosis.result import Structure
 from impid_host.diagnosis.rows import Slot
 from impid_host.diagnosis.smooth import EACH, curve_basis, pull
+from impid_host.diagnosis.table import Table
 from impid_host.effects.view import View
 from impid_host.signals.arrays import Floats
 

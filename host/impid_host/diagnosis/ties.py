@@ -4,9 +4,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from impid_host.diagnosis.choice import Table, admissible, block_grams, ranking, score_of
 from impid_host.diagnosis.evidence import solve
 from impid_host.diagnosis.result import Tie
+from impid_host.diagnosis.support import block_grams
+from impid_host.diagnosis.table import Table, admissible, ranking, score_of
 from impid_host.effects.effect import Candidate
 from impid_host.signals.arrays import Floats
 

@@ -9,10 +9,10 @@ from collections.abc import Sequence
 import numpy as np
 from scipy import ndimage, signal
 
-from impid_host.diagnosis.choice import Table
 from impid_host.diagnosis.evidence import solve
 from impid_host.diagnosis.result import Structure
 from impid_host.diagnosis.rows import Run, Taps
+from impid_host.diagnosis.table import Table
 from impid_host.signals.arrays import Floats
 
 _HIGHEST_HZ = 2.5  # noise of a drive has its corner above; a walk stands out below
