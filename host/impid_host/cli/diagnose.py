@@ -13,6 +13,7 @@ from impid_host.diagnosis.result import Diagnosis
 from impid_host.diagnosis.saved import save_model as write_model
 from impid_host.report.diagnosis_json import diagnosis_json
 from impid_host.report.diagnosis_tables import effect_table, parameter_table, stage_table
+from impid_host.report.diagnosis_units import structure_words
 from impid_host.report.wide_console import table_console
 
 
@@ -75,7 +76,7 @@ def show(answer: Diagnosis) -> None:
     elif not answer.structure:
         console.print("More than noise is left, and nothing tells what it depends on.")
     for row in answer.structure:
-        console.print(f"No known effect explains this: {row.words}")
+        console.print(f"No known effect explains this: {structure_words(row, answer)}")
     for tie in answer.ambiguous:
         console.print(f"These data cannot tell {' from '.join(tie.candidates)}; {tie.tell_apart_by} would.")
     for note in answer.notes:

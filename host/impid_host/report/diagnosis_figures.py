@@ -15,7 +15,7 @@ from scipy import signal
 
 from impid_host.diagnosis.result import Diagnosis, Structure, Trace
 from impid_host.report.diagnosis_tables import stage_name
-from impid_host.report.diagnosis_units import channel_unit, variable_unit
+from impid_host.report.diagnosis_units import channel_unit, structure_words, variable_unit
 from impid_host.signals.arrays import Floats
 
 _STYLE: dict[Any, Any] = {
@@ -157,7 +157,7 @@ def _curve(diagnosis: Diagnosis, row: Structure) -> Figure:
     axis.plot(row.curve[:, 0], row.curve[:, 1], color=_AFTER)
     axis.set_xlabel(f"{row.variable} ({variable_unit(row.variable, row.on, diagnosis.prismatic)})")
     axis.set_ylabel(f"left in {row.on}")
-    axis.set_title("\n".join(_lines(row.words, 60)), fontsize=8)
+    axis.set_title("\n".join(_lines(structure_words(row, diagnosis), 60)), fontsize=8)
     return figure
 
 

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from impid_host.diagnosis.result import Diagnosis, Finding, Floor, Number, Stage
+from impid_host.report.diagnosis_units import structure_words
 
 Json = dict[str, Any]
 LEAST_P = 1e-300  # below it a test underflows to zero, which no p-value is
@@ -31,7 +32,7 @@ def diagnosis_json(diagnosis: Diagnosis) -> Json:
                     "share": row.share,
                     "curve": row.curve.tolist(),
                     "band": row.band.tolist(),
-                    "words": row.words,
+                    "words": structure_words(row, diagnosis),
                 }
                 for row in diagnosis.structure
             ],

@@ -1,5 +1,7 @@
 """Units of a diagnosis, as people read them; on a slide torques are forces and angles places."""
 
+from impid_host.diagnosis.result import Diagnosis, Structure
+
 _LINEAR = {"rad": "m", "rad/s": "m/s", "rad/s²": "m/s²", "N m": "N"}
 
 
@@ -23,3 +25,8 @@ def variable_unit(name: str, key: str, prismatic: bool) -> str:
     }
     unit = units.get(name, "rad/s" if name.startswith("omega") else "rad")
     return _LINEAR.get(unit, unit) if prismatic else unit
+
+
+def structure_words(row: Structure, diagnosis: Diagnosis) -> str:
+    """What is left, in a sentence with the units of the axis at hand."""
+    return row.words.replace(" N m", " N") if diagnosis.prismatic else row.words
