@@ -18,7 +18,8 @@ from typing import Any
 
 import numpy as np
 from impid_host.diagnosis.base import base_of
-from impid_host.diagnosis.diagnose import diagnose, prepare
+from impid_host.diagnosis.case import prepare
+from impid_host.diagnosis.diagnose import diagnose
 from impid_host.diagnosis.holdout import hold_out
 from impid_host.diagnosis.prepare import views
 from impid_host.diagnosis.proof import aligned, chain_of

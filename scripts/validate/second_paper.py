@@ -93,8 +93,8 @@ def main() -> None:
     out.mkdir(parents=True, exist_ok=True)
     draw(document, springs, arm, out)
     (out / "second_paper.md").write_text("\n".join(write_page(document)) + "\n", encoding="utf-8")
-    text = json.dumps(without_lines(document), indent=1)
-    (out / "second_paper.json").write_text(text + "\n", encoding="utf-8")
+    text = ",\n".join(f"{json.dumps(k)}: {json.dumps(v)}" for k, v in without_lines(document).items())
+    (out / "second_paper.json").write_text(f"{{\n{text}\n}}\n", encoding="utf-8")
     say(f"written to {out}")
 
 
@@ -118,6 +118,11 @@ def without_lines(document: Json) -> Json:
             return [light(one) for one in value]
         return float(f"{value:.6g}") if isinstance(value, float) else value
 
+    for part in [*document["arrays"].values(), document["arm"]]:
+        for setting in part["alone"].values():
+            for which in setting.values():
+                which.pop("published", None)
+                which.pop("weighted", None)
     return {key: light(value) for key, value in document.items()}
 
 
