@@ -4,7 +4,7 @@
 
 #define ERASED_WORD    0xFFFFFFFFu
 #define MARK           0x494D5031u /* "1PMI" in memory */
-#define LAYOUT         1u
+#define LAYOUT         2u
 #define SNAPSHOT_WORDS ((uint32_t)IMPID_SETTINGS + 3u)
 #define CRC_WORD       (SNAPSHOT_WORDS - 1u)
 
@@ -24,6 +24,14 @@ static const range_t ranges[IMPID_SETTINGS] = {
     [IMPID_SETTING_ACCEL_Y_PER_G] = {12233u, 1000u, 60000u},
     [IMPID_SETTING_ENCODER_1_CPR] = {0u, 0u, UINT32_MAX},
     [IMPID_SETTING_ENCODER_2_CPR] = {0u, 0u, UINT32_MAX},
+    [IMPID_SETTING_ACCEL_X_ANGLE] = {0u, 0u, UINT32_MAX},
+    [IMPID_SETTING_ACCEL_Y_ANGLE] = {0u, 0u, UINT32_MAX},
+    [IMPID_SETTING_ACCEL_X_ZERO_INTERVAL] = {0u, 0u, UINT32_MAX},
+    [IMPID_SETTING_ACCEL_Y_ZERO_INTERVAL] = {0u, 0u, UINT32_MAX},
+    [IMPID_SETTING_ACCEL_X_PER_G_INTERVAL] = {0u, 0u, UINT32_MAX},
+    [IMPID_SETTING_ACCEL_Y_PER_G_INTERVAL] = {0u, 0u, UINT32_MAX},
+    [IMPID_SETTING_ACCEL_X_ANGLE_INTERVAL] = {0u, 0u, UINT32_MAX},
+    [IMPID_SETTING_ACCEL_Y_ANGLE_INTERVAL] = {0u, 0u, UINT32_MAX},
 };
 
 static uint32_t read(const impid_settings_t *settings, uint32_t sector, uint32_t word) {

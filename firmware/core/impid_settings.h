@@ -48,7 +48,17 @@ typedef enum {
     IMPID_SETTING_ACCEL_Y_PER_G = 5, /* 16-bit codes per g */
     IMPID_SETTING_ENCODER_1_CPR = 6, /* counts per turn, 0: not known */
     IMPID_SETTING_ENCODER_2_CPR = 7, /* counts per turn, 0: not known */
-    IMPID_SETTINGS = 8
+    /* How far the axes are turned against the board's, signed microradians, and how sure all six numbers are:
+     * half the 95 % interval in thousandths of a code (per g), in microradians; 0: never calibrated. */
+    IMPID_SETTING_ACCEL_X_ANGLE = 8,
+    IMPID_SETTING_ACCEL_Y_ANGLE = 9,
+    IMPID_SETTING_ACCEL_X_ZERO_INTERVAL = 10,
+    IMPID_SETTING_ACCEL_Y_ZERO_INTERVAL = 11,
+    IMPID_SETTING_ACCEL_X_PER_G_INTERVAL = 12,
+    IMPID_SETTING_ACCEL_Y_PER_G_INTERVAL = 13,
+    IMPID_SETTING_ACCEL_X_ANGLE_INTERVAL = 14,
+    IMPID_SETTING_ACCEL_Y_ANGLE_INTERVAL = 15,
+    IMPID_SETTINGS = 16
 } impid_setting_t;
 
 typedef struct {

@@ -13,7 +13,7 @@
 
 #include <string.h>
 
-#define SECTOR_WORDS   64u
+#define SECTOR_WORDS   100u
 #define PERIODS_MAX    1500u /* of a session: keeps it short */
 #define BOOT_ID        0x1234u
 #define RECORD_COMMAND 8u

@@ -17,7 +17,7 @@ GOLDEN = HERE.parent / "protocol" / "golden"
 DATABASE = cantools.database.load_file(ROOT / "protocol" / "impid.dbc")
 SERIAL, CAN, RAW, PERIODS, STALL, MISSED, JUMP, ROOM = range(8)
 SET, SAVE, BOOT, PREPARE, CUT, DAMAGE = range(6)
-SECTOR_WORDS = 48
+SECTOR_WORDS = 80
 
 
 def frame_seeds() -> dict[str, bytes]:
@@ -102,14 +102,14 @@ def command_seeds() -> dict[str, bytes]:
 
 
 def snapshot(sequence: int, values: list[int]) -> bytes:
-    body = struct.pack("<10I", 1, sequence, *values)
+    body = struct.pack("<18I", 2, sequence, *values)
     return body + struct.pack("<I", zlib.crc32(body))
 
 
 def settings_seeds() -> dict[str, bytes]:
     """A blank flash in use until it is full, one cut off in a save, and images: whole, torn, all zero."""
     change = bytes([SET, 6]) + struct.pack("<I", 8192) + bytes([SAVE])
-    values = [3, 1000, 32768, 32768, 12233, 12233, 8192, 8192]
+    values = [3, 1000, 32768, 32768, 12233, 12233, 8192, 8192, *range(8)]
     mark = struct.pack("<I", 0x494D5031)
     image = mark + snapshot(1, values) + snapshot(2, [4, *values[1:]])
     sector = 4 * SECTOR_WORDS

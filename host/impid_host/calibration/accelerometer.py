@@ -64,13 +64,24 @@ class AccelerometerCalibration:
         return result
 
     def board_settings(self) -> dict[str, int]:
-        """Settings of the board, rounded to its integers: offsets and gains; it keeps no angles."""
-        return {
-            "ACCEL_X_ZERO": round(self.zero_x.value),
-            "ACCEL_Y_ZERO": round(self.zero_y.value),
-            "ACCEL_X_PER_G": round(self.gain_x.value),
-            "ACCEL_Y_PER_G": round(self.gain_y.value),
-        }
+        """Settings of the board, rounded to its integers.
+
+        Zeros in codes, gains in codes per g, angles in microradians; the intervals of the first two in
+        thousandths of those, of the angles in microradians.
+        """
+        settings: dict[str, int] = {}
+        for axis, zero, gain, angle in (
+            ("X", self.zero_x, self.gain_x, self.angle_x),
+            ("Y", self.zero_y, self.gain_y, self.angle_y),
+        ):
+            for name, number, unit, fine in (
+                ("ZERO", zero, 1.0, 1e3),
+                ("PER_G", gain, 1.0, 1e3),
+                ("ANGLE", angle, 1e6, 1e6),
+            ):
+                settings[f"ACCEL_{axis}_{name}"] = round(number.value * unit)
+                settings[f"ACCEL_{axis}_{name}_INTERVAL"] = round(number.interval * fine)
+        return settings
 
     def to_json(self) -> str:
         """Readable back by `from_json`."""

@@ -27,6 +27,8 @@ _PINGS_REMEMBERED = 64
 HOLD_SATURATED_US = 0xFFFF  # the board held the answer longer than it can say: t3 is unknown
 # INFO has items 0 to 31, settings stand at 32 to 63, what outlives a reset from 64 on.
 SETTINGS = tuple(name for name, number in ITEM.items() if 32 <= number < 64)
+_SIGNED = frozenset(("ACCEL_X_ANGLE", "ACCEL_Y_ANGLE"))
+_WORD = 1 << 32
 FAULT_RECORD = tuple(name for name, number in ITEM.items() if number >= 64 and name.startswith("FAULT_"))
 _SELF_TEST_RUNNING = choices("STATUS_HEALTH", "self_test")["RUNNING"]
 
@@ -234,7 +236,10 @@ class BoardClient:
         Raises:
             LinkError: no answer.
         """
-        return self._read_all("GET", SETTINGS)
+        found = self._read_all("GET", SETTINGS)
+        for name in _SIGNED & {known.upper() for known in found}:
+            found[name.lower()] = (found[name.lower()] + _WORD // 2) % _WORD - _WORD // 2
+        return found
 
     def fault_record(self) -> dict[str, int]:
         """What the board remembers of its last fault, by name; empty where its firmware keeps none.
@@ -272,10 +277,10 @@ class BoardClient:
             LinkError: no answer, or the board refuses one of them; nothing is saved then.
         """
         for name, value in settings.items():
-            self.request("SET", ITEM[name], value)
+            self.request("SET", ITEM[name], value % _WORD)
         for name, value in settings.items():
             kept = self.request("GET", ITEM[name]).value
-            if kept != value:
+            if kept != value % _WORD:
                 raise LinkError(f"{self._link.name}: the board was told {name} = {value} but says {kept}")
         self.request("SAVE")
 

@@ -7,7 +7,7 @@
 #include <string.h>
 #include <unity.h>
 
-#define SECTOR_WORDS 64u /* room for five snapshots: the sectors change often */
+#define SECTOR_WORDS 100u /* room for five snapshots: the sectors change often */
 #define SECTOR_BYTES (4u * SECTOR_WORDS)
 #define NEVER        0xFFFFFFFFu
 
@@ -128,6 +128,8 @@ static void test_only_saved_values_outlive_a_boot(void) {
     TEST_ASSERT_TRUE(impid_settings_set(&settings, IMPID_SETTING_CAN_KBPS, 500));
     TEST_ASSERT_TRUE(impid_settings_set(&settings, IMPID_SETTING_ACCEL_Y_ZERO, 65535));
     TEST_ASSERT_TRUE(impid_settings_set(&settings, IMPID_SETTING_ENCODER_1_CPR, 0xFFFFFFFFu));
+    TEST_ASSERT_TRUE(impid_settings_set(&settings, IMPID_SETTING_ACCEL_X_ANGLE, (uint32_t)-1234));
+    TEST_ASSERT_TRUE(impid_settings_set(&settings, IMPID_SETTING_ACCEL_Y_ANGLE_INTERVAL, 87));
     TEST_ASSERT_TRUE(impid_settings_save(&settings));
     TEST_ASSERT_TRUE(impid_settings_set(&settings, IMPID_SETTING_CAN_KBPS, 250));
     TEST_ASSERT_EQUAL_UINT32(250, value_of(IMPID_SETTING_CAN_KBPS));
@@ -136,6 +138,8 @@ static void test_only_saved_values_outlive_a_boot(void) {
     TEST_ASSERT_EQUAL_UINT32(500, value_of(IMPID_SETTING_CAN_KBPS));
     TEST_ASSERT_EQUAL_UINT32(65535, value_of(IMPID_SETTING_ACCEL_Y_ZERO));
     TEST_ASSERT_EQUAL_UINT32(0xFFFFFFFFu, value_of(IMPID_SETTING_ENCODER_1_CPR));
+    TEST_ASSERT_EQUAL_INT32(-1234, (int32_t)value_of(IMPID_SETTING_ACCEL_X_ANGLE));
+    TEST_ASSERT_EQUAL_UINT32(87, value_of(IMPID_SETTING_ACCEL_Y_ANGLE_INTERVAL));
 }
 
 static void test_values_out_of_range_change_nothing(void) {
@@ -321,7 +325,7 @@ static void check(struct impid_messages_response_t response, uint8_t result, uin
 #define FAILED     IMPID_MESSAGES_RESPONSE_RESULT_FAILED_CHOICE
 #define CAN_KBPS   IMPID_MESSAGES_COMMAND_ITEM_CAN_KBPS_CHOICE
 #define BOOT_COUNT IMPID_MESSAGES_COMMAND_ITEM_BOOT_COUNT_CHOICE
-#define LAST       IMPID_MESSAGES_COMMAND_ITEM_ENCODER_2_CPR_CHOICE
+#define LAST       IMPID_MESSAGES_COMMAND_ITEM_ACCEL_Y_ANGLE_INTERVAL_CHOICE
 
 static void test_commands_read_change_and_keep_settings(void) {
     static const uint32_t log_words[] = {3, 0xDEADBEEFu};
@@ -353,7 +357,7 @@ static void test_commands_read_change_and_keep_settings(void) {
 
     boot();
     TEST_ASSERT_EQUAL_UINT32(250, value_of(IMPID_SETTING_CAN_KBPS));
-    TEST_ASSERT_EQUAL_UINT32(0, value_of(IMPID_SETTING_ENCODER_2_CPR));
+    TEST_ASSERT_EQUAL_UINT32(0, value_of(IMPID_SETTING_ACCEL_Y_ANGLE_INTERVAL));
 }
 
 int main(void) {

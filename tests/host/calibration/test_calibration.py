@@ -147,11 +147,14 @@ def test_motions_that_do_not_determine_it() -> None:
 def test_it_is_written_and_read_back() -> None:
     found = calibrate_by_angles(read(upright(EIGHT)), EIGHT)
     assert AccelerometerCalibration.from_json(found.to_json()) == found
-    assert found.board_settings() == {
+    assert found.board_settings() == {  # readings without noise: no interval to speak of
         "ACCEL_X_ZERO": 32900,
         "ACCEL_Y_ZERO": 32510,
         "ACCEL_X_PER_G": 12400,
         "ACCEL_Y_PER_G": 12010,
+        "ACCEL_X_ANGLE": 20_000,
+        "ACCEL_Y_ANGLE": -13_000,
+        **{f"ACCEL_{axis}_{name}_INTERVAL": 0 for axis in "XY" for name in ("ZERO", "PER_G", "ANGLE")},
     }
     for text in ("{}", "[1]", '{"format": "impid-calibration/1"}'):
         with pytest.raises(ValueError, match="calibration of impid"):

@@ -59,6 +59,12 @@ def test_what_tumbling_finds_is_the_sensor_and_outlives_a_restart(tmp_path: Path
         assert found[f"gain_{axis}"]["value"] == pytest.approx(CODES_PER_G, abs=6)
         assert found[f"zero_{axis}"]["value"] == pytest.approx(ZERO_CODE, abs=6)
         assert abs(found[f"gain_{axis}"]["value"] - stored[f"accel_{axis}_per_g"]) <= 0.5
+        # The angles, signed, and all intervals too: microradians, thousandths of a code.
+        assert abs(1e6 * found[f"angle_{axis}"]["value"] - stored[f"accel_{axis}_angle"]) <= 0.5
+        assert abs(1e3 * found[f"zero_{axis}"]["interval"] - stored[f"accel_{axis}_zero_interval"]) <= 0.5
+        assert abs(1e3 * found[f"gain_{axis}"]["interval"] - stored[f"accel_{axis}_per_g_interval"]) <= 0.5
+        assert abs(1e6 * found[f"angle_{axis}"]["interval"] - stored[f"accel_{axis}_angle_interval"]) <= 0.5
+    assert stored["accel_y_angle"] != 0
     # The simulator was killed, as a board loses its power.
     with board_on_a_head(tmp_path) as port:
         again = settings(port)

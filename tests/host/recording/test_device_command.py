@@ -15,7 +15,7 @@ from impid_host.cli import cli
 from impid_host.errors import ImpidError
 from impid_host.recording.reader import read_recording
 from impid_host.wire.frame import Header, encode_frame
-from impid_host.wire.messages import DATABASE, KIND, OPCODE, RESULT
+from impid_host.wire.messages import DATABASE, ITEM, KIND, OPCODE, RESULT
 
 
 class KeepingBoard(PtyBoard):
@@ -23,6 +23,7 @@ class KeepingBoard(PtyBoard):
 
     def __init__(self) -> None:
         self.kept = dict(zip(range(32, 40), (3, 1000, 32768, 32768, 12233, 12233, 0, 0), strict=True))
+        self.kept |= dict.fromkeys(range(40, 48), 0)
         self.saves = 0
         self.fault = dict.fromkeys(range(64, 75), 0)
         super().__init__()
@@ -164,7 +165,8 @@ def test_tumble_is_stored_on_the_board_and_in_recordings(keeping, tmp_path: Path
     assert found.zero_x.value == pytest.approx(32768, abs=8)
     assert found.gain_y.value == pytest.approx(11200, abs=12)
     assert abs(found.angle_x.value) < 2e-3
-    assert [keeping.kept[item] for item in range(34, 38)] == list(found.board_settings().values())
+    for name, value in found.board_settings().items():
+        assert keeping.kept[ITEM[name]] == value % 2**32, name
     assert keeping.saves == 1
     recorded = CliRunner().invoke(
         cli,
