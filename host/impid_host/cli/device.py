@@ -176,7 +176,7 @@ def _result_options(function: Command) -> Command:
     out = click.option(
         "--out", required=True, type=click.Path(path_type=Path), metavar="FILE.json", help="File to write."
     )
-    save = click.option("--save", is_flag=True, help="Store offsets and gains on the board as well.")
+    save = click.option("--save", is_flag=True, help="Store the numbers and their intervals on the board as well.")
     return out(save(function))
 
 
@@ -287,7 +287,7 @@ def _keep(found: AccelerometerCalibration, out: Path, client: BoardClient | None
     )
     if client is not None:
         client.store(found.board_settings())
-        click.echo("offsets and gains stored on the board")
+        click.echo("stored on the board")
 
 
 def _angles(text: str | None) -> np.ndarray | None:
