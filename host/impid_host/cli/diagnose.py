@@ -78,6 +78,11 @@ def show(answer: Diagnosis) -> None:
     for row in answer.structure:
         console.print(f"No known effect explains this: {structure_words(row, answer)}")
     for tie in answer.ambiguous:
-        console.print(f"These data cannot tell {' from '.join(tie.candidates)}; {tie.tell_apart_by} would.")
+        unsure = (
+            " from ".join(tie.candidates)
+            if len(tie.candidates) > 1
+            else f"whether {tie.candidates[0]} is there"
+        )
+        console.print(f"These data cannot tell {unsure}; {tie.tell_apart_by} would.")
     for note in answer.notes:
         console.print(note)

@@ -6,8 +6,9 @@ from dataclasses import dataclass
 from impid_host.diagnosis.bursts import Burst
 from impid_host.diagnosis.case import Case, Progress, prepare, silent
 from impid_host.diagnosis.findings import findings_of
+from impid_host.diagnosis.references import Reference, against_prior, against_scales
 from impid_host.diagnosis.reported import upheld_stages, withdrawn_structure
-from impid_host.diagnosis.result import Diagnosis, Finding, Floor
+from impid_host.diagnosis.result import Diagnosis, Finding, Floor, Stage
 from impid_host.diagnosis.rounds import bursts_of, chosen_twice, confirmed, upheld
 from impid_host.diagnosis.stages import Bench
 from impid_host.diagnosis.table import Table
@@ -52,6 +53,7 @@ def diagnose(study: Study, progress: Progress = silent) -> Diagnosis:
         unknown, fit = unknown_stage(bench, case.table, active, curves, fit, left)
         stages = (*stages, unknown)
     told = floor_of(case, fit, left, study)
+    known = Reference() if left else references_of(case, stages[-1], study)
     floor = floor_by_channel(told, last)
     left += left_out(case, choice.pushed)
     return Diagnosis(
@@ -66,8 +68,8 @@ def diagnose(study: Study, progress: Progress = silent) -> Diagnosis:
         share_unexplained=share_unexplained(first, last, floor),
         above_noise_floor=bool(left) or any(last[key] > _ABOVE * floor[key] for key in last),
         structure=tuple(left),
-        ambiguous=tuple(ties(case.table, active)),
-        notes=tuple(notes(case, choice.pushed, study)),
+        ambiguous=(*ties(case.table, active), *known.ties),
+        notes=(*notes(case, choice.pushed, study), *known.notes),
     )
 
 
@@ -111,6 +113,21 @@ def share_unexplained(
     before = sum((first[key] / floor[key]) ** 2 for key in first)
     after = sum(max((last[key] / floor[key]) ** 2 - 1, 0.0) for key in first)
     return float(after / before)
+
+
+def references_of(case: Case, stage: Stage, study: Study) -> Reference:
+    """The prior's robot and the weighed payloads against what the last stage found."""
+    model, prior = case.base.model, study.setup.prior_alpha
+    found = Reference()
+    if prior is not None and stage.alpha_names == tuple(model.parameter_names):
+        found = against_prior(prior, model, stage.alpha)
+    weights: dict[str, set[float]] = {}
+    for trial in study.of_kind("mass-spring"):
+        weights.setdefault(trial.load, set()).add(trial.payload_kg or 0.0)
+    weighed = {load: masses.pop() for load, masses in weights.items() if len(masses) == 1}
+    felt = any(view.measured is not None for view in case.views)
+    scales = against_scales(weighed, stage, model.joints, accelerometer=felt)
+    return Reference((*found.ties, *scales.ties), (*found.notes, *scales.notes))
 
 
 def notes(case: Case, pushed: Sequence[Burst], study: Study) -> list[str]:
