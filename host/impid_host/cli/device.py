@@ -176,7 +176,7 @@ def _result_options(function: Command) -> Command:
     out = click.option(
         "--out", required=True, type=click.Path(path_type=Path), metavar="FILE.json", help="File to write."
     )
-    save = click.option("--save", is_flag=True, help="Store the numbers and their intervals on the board as well.")
+    save = click.option("--save", is_flag=True, help="Store them and their intervals on the board as well.")
     return out(save(function))
 
 

@@ -173,11 +173,14 @@ class BoardClient:
         """
         answer = self._ask(opcode, item, value, TRIES)
         if answer is None:
-            raise LinkError(
-                f"{self._link.name}: no answer to {opcode} after {TRIES} tries; "
-                "check that this is the board's port, its speed, and that the board runs impid firmware"
-            )
+            raise LinkError(self._silent(opcode))
         return answer
+
+    def _silent(self, opcode: str) -> str:
+        return (
+            f"{self._link.name}: no answer to {opcode} after {TRIES} tries; "
+            "check that this is the board's port, its speed, and that the board runs impid firmware"
+        )
 
     def _answers_to(self, opcode: str, items: tuple[str, ...]) -> list[Response]:
         """The answers to a few questions asked at once: a board that has been reset streams again soon.
@@ -187,14 +190,19 @@ class BoardClient:
         """
         asked = {item: self._next_id() for item in items}
         carrier = self._link.carrier
-        frames = [
-            carrier.encode_command(number, OPCODE[opcode], ITEM[item], 0) for item, number in asked.items()
-        ]
-        self._send(carrier.preamble + b"".join(frames))
-        return [
-            self._await_answer(number) or self._answer(opcode, ITEM[item], 0)
-            for item, number in asked.items()
-        ]
+        answers: dict[str, Response] = {}
+        for _ in range(TRIES):
+            missing = [item for item in items if item not in answers]
+            frames = [carrier.encode_command(asked[item], OPCODE[opcode], ITEM[item], 0) for item in missing]
+            self._send(carrier.preamble + b"".join(frames))
+            for item in missing:
+                answer = self._await_answer(asked[item])
+                if answer is None:  # those behind it are asked for again with it
+                    break
+                answers[item] = answer
+            if len(answers) == len(items):
+                return [answers[item] for item in items]
+        raise LinkError(self._silent(opcode))
 
     def _ask(self, opcode: str, item: int, value: int, tries: int) -> Response | None:
         request_id = self._next_id()
