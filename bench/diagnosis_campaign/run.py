@@ -58,10 +58,12 @@ def run(case: Case) -> Json:
 
 def judgement(case: Case, scenario: Scenario, answer: Diagnosis, floor: Mapping[str, float]) -> Json:
     """Verdict, errors and biases of an answer."""
-    verdict = judged(case.effects, answer)
     hidden = _hidden(scenario)
     first, last = answer.stages[0], answer.stages[-1]
     findings = [stage.added for stage in answer.stages if stage.added is not None]
+    found = [f"{one.effect}@{'+'.join(one.where)}" for one in findings]
+    ties = [list(tie.candidates) for tie in answer.ambiguous]
+    verdict = judged(case.effects, found, ties, structure=bool(answer.structure))
     return {
         "truth": [
             {"effect": one.effect, "where": list(one.where), "trials": list(one.trials), **one.values}
@@ -71,8 +73,8 @@ def judgement(case: Case, scenario: Scenario, answer: Diagnosis, floor: Mapping[
         "first_right": verdict.first_right,
         "place_right": verdict.place_right,
         "tied": verdict.tied,
-        "found": [f"{one.effect}@{'+'.join(one.where)}" for one in findings],
-        "ties": [list(tie.candidates) for tie in answer.ambiguous],
+        "found": found,
+        "ties": ties,
         "structure": [row.words for row in answer.structure],
         "notes": list(answer.notes),
         "over_floor": {

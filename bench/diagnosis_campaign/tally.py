@@ -7,6 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from diagnosis_campaign.verdict import judged
+
 Json = dict[str, Any]
 _Z = 1.959964  # of 95 %
 CLEAR = 1.8  # a strength of 2 that was met within 10 %
@@ -130,8 +132,23 @@ def own_parameters(lines: Sequence[Json]) -> dict[str, Json]:
     }
 
 
+def judged_again(line: Json) -> Json:
+    """The line with the verdict of today's rules."""
+    if line["verdict"] == "error":
+        return line
+    verdict = judged(line["effects"], line["found"], line["ties"], structure=bool(line["structure"]))
+    return {
+        **line,
+        "verdict": verdict.word,
+        "first_right": verdict.first_right,
+        "place_right": verdict.place_right,
+        "tied": verdict.tied,
+    }
+
+
 def summary(lines: Sequence[Json]) -> Json:
-    """Everything that the page shows, as numbers."""
+    """Everything that the page shows, as numbers. Verdicts are made again from what the lines say was found."""
+    lines = [judged_again(line) for line in lines]
     part = {
         name: [line for line in lines if line["part"] == name]
         for name in ("known", "together", "outside", "clean")

@@ -1,9 +1,7 @@
 """What an answer is worth, given what was hidden: names, places, ties."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-
-from impid_host.diagnosis.result import Diagnosis
 
 NO_NAME = "unattributed"
 _BOTH_AXES = frozenset({"accel.scale", "accel.bias", "accel.cross_axis"})
@@ -30,37 +28,38 @@ class Verdict:
     tied: int
 
 
-def judged(truth: Sequence[str], answer: Diagnosis) -> Verdict:
-    """Judges an answer.
+def judged(
+    truth: Sequence[str], found: Sequence[str], ties: Sequence[Sequence[str]], *, structure: bool
+) -> Verdict:
+    """Judges an answer. All labels are name@place+place.
 
     Args:
-        truth: labels name@place+place of what was hidden.
-        answer: what the host said.
+        truth: what was hidden.
+        found: what the host added, in order.
+        ties: what it cannot tell apart.
+        structure: whether it says that something without a name is left.
     """
-    found = [
-        (stage.added.effect, stage.added.where)
-        for stage in answer.stages
-        if stage.added is not None and stage.added.effect != NO_NAME
-    ]
-    hidden = placed((label.split("@")[0], tuple(label.partition("@")[2].split("+"))) for label in truth)
-    named = placed(found)
-    ties = [{label.split("@")[0] for label in tie.candidates} for tie in answer.ambiguous]
-    structure = bool(answer.structure)
+    hidden, named = placed(truth), placed(found)
+    tied = [set(map(_name, tie)) for tie in ties]
     right = set(named) == set(hidden)
     return Verdict(
-        word=_word(set(hidden), set(named), ties, structure=structure),
-        first_right=bool(found) and found[0][0] in hidden,
+        word=_word(set(hidden), set(named), tied, structure=structure),
+        first_right=bool(named) and next(iter(named)) in hidden,
         place_right=named == hidden if right and hidden else None,
-        tied=len(set().union(*ties)) if ties else 0,
+        tied=len(set().union(*tied)) if tied else 0,
     )
 
 
-def placed(effects: Iterable[tuple[str, tuple[str, ...]]]) -> Places:
+def placed(labels: Sequence[str]) -> Places:
     """Name -> places, however many entries it came in; both axes of a sensor are the sensor."""
     result: dict[str, frozenset[str]] = {}
-    for name, where in effects:
-        places = {"x", "y"} if name in _BOTH_AXES and "sensor" in where else set(where)
-        result[name] = result.get(name, frozenset()) | places
+    for label in labels:
+        name = _name(label)
+        places = set(label.partition("@")[2].split("+"))
+        if name in _BOTH_AXES and "sensor" in places:
+            places = {"x", "y"}
+        if name != NO_NAME:
+            result[name] = result.get(name, frozenset()) | places
     return result
 
 
@@ -73,7 +72,8 @@ def _word(hidden: set[str], named: set[str], ties: Sequence[set[str]], *, struct
         return "unattributed" if structure else "missed"
     if named == hidden:
         return "right"
-    return "tie" if _tied(hidden, named, ties) else _not_right(hidden, named)
+    # Where something is left over, what was named is not all but indistinguishable from the truth.
+    return "tie" if not structure and _tied(hidden, named, ties) else _not_right(hidden, named)
 
 
 def _not_right(hidden: set[str], named: set[str]) -> str:
@@ -94,5 +94,9 @@ def _tied(hidden: set[str], named: set[str], ties: Sequence[set[str]]) -> bool:
     return all(held(one, named) for one in hidden) and all(held(one, hidden) for one in named)
 
 
+def _name(label: str) -> str:
+    return label.partition("@")[0]
+
+
 def _family(name: str) -> str:
-    return name.split(".", maxsplit=1)[0]
+    return name.partition(".")[0]
