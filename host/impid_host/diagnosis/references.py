@@ -23,8 +23,9 @@ _INERTIA = 0.01  # least difference that is told, of a main inertia
 _VISCOUS = 0.10
 _MASS = 0.02
 _SHARE = 0.5  # of the difference (as chi-squared) that a candidate must explain
+_ADDING = ("inertia.", "elastic.transmission")
 _INSIDE = 1e-6  # part of an effect's torque that the model's parameters may fail to make
-_RETURN = "a free trial with the robot put back as it was when the prior was measured"
+_RETURN = "a free trial with the robot as it was when the prior was measured, and one with faster motion"
 _WEIGHED = "a load trial with a weighed payload (payload_kg)"
 _SENSOR = "a free trial with a prior (in setup.toml) and a load trial with a force sensor"
 
@@ -109,7 +110,7 @@ def explained_by(difference: Floats, covariance: Floats, effects: Mapping[str, F
     shares = []
     for label, column in effects.items():
         along, norm = column @ W @ difference, column @ W @ column
-        if label.startswith("inertia.") and along <= 0:
+        if label.startswith(_ADDING) and along <= 0:
             continue
         shares.append((along**2 / norm / whole, label))
     # Equal shares keep the order in which they were given.
@@ -135,6 +136,10 @@ def signatures(model: RobotModel, alpha: Floats) -> dict[str, Floats]:
         if np.linalg.norm(torque.ravel() - flat @ value) < _INSIDE * np.linalg.norm(torque):
             result[label] = value
     result[gain_of_all(model.joints)] = alpha
+    # Where the transmission is too stiff to be seen, the motor's inertia is all there is of it.
+    for joint in map(joint_name, range(model.joints)):
+        if f"inertia.extra@{joint}" in result:
+            result[f"elastic.transmission@{joint}"] = result[f"inertia.extra@{joint}"]
     return result
 
 

@@ -1,11 +1,14 @@
 """The prior and the weights against what was found, on numbers worked out by hand."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from impid_host.diagnosis.diagnose import diagnose
 from impid_host.diagnosis.references import Reference, against_prior, against_scales, explained_by, signatures
 from impid_host.diagnosis.result import Number, Stage
 from impid_host.robot.model import robot_model
-from impid_host.study.model import RobotSetup
+from impid_host.study.model import RobotSetup, Study
 
 L1, L2 = 0.254, 0.2667
 ABSOLUTE = robot_model(RobotSetup("planar-2r-absolute", (L1, L2)))
@@ -36,15 +39,15 @@ def test_a_prior_that_agrees_within_its_digits_is_silent(size: float) -> None:
 
 
 @pytest.mark.parametrize(
-    ("column", "label"),
+    ("column", "joint"),
     [
-        ([1, 0, 0, 0, 0], "inertia.extra@joint1"),
-        ([0, 0, 1, 0, 0], "inertia.extra@joint2"),
+        ([1, 0, 0, 0, 0], "joint1"),
+        ([0, 0, 1, 0, 0], "joint2"),
     ],
 )
-def test_a_rotor_that_was_not_there_adds_to_one_inertia_alone(column: list[float], label: str) -> None:
+def test_a_rotor_that_was_not_there_adds_to_one_inertia_alone(column: list[float], joint: str) -> None:
     found = compared(1e-3 * np.array(column))
-    assert candidates(found) == (label,)
+    assert candidates(found) == (f"inertia.extra@{joint}", f"elastic.transmission@{joint}")
     assert "prior" in found.notes[0]
 
 
@@ -129,3 +132,29 @@ def test_shares_are_ranked_under_the_covariance() -> None:
     difference = np.array([1.0, 2.0])
     assert explained_by(difference, np.diag([1.0, 1.0]), columns) == ("spring",)
     assert explained_by(difference, np.diag([1.0, 100.0]), columns) == ("friction",)
+
+
+def with_references(study: Study, prior: np.ndarray, weight: float) -> Study:
+    setup = replace(study.setup, prior_alpha=tuple(prior))
+    heavy = [
+        replace(trial, payload_kg=weight) if trial.kind == "mass-spring" else trial for trial in study.trials
+    ]
+    return replace(study, setup=setup, trials=tuple(heavy))
+
+
+def test_a_whole_study_is_silent_with_the_truth_and_says_both_without_it(make) -> None:
+    seed = 41
+    rng = np.random.default_rng(seed)  # the generator's draws in its order
+    alpha = PRIOR * rng.uniform(0.8, 1.25, 5)
+    rng.uniform(size=4)
+    mass = rng.uniform(0.5, 1.6)
+    study = make(seed, device=False, duration=20.0, loaded=1)
+    right = diagnose(with_references(study, alpha, mass))
+    assert len(right.stages) == 1
+    assert not right.ambiguous
+    wrong = diagnose(with_references(study, alpha * [1, 1, 0.97, 1, 1], 0.95 * mass))
+    assert len(wrong.stages) == 1
+    first, second = (tie.candidates for tie in wrong.ambiguous)
+    assert first[0] == "inertia.extra@joint2"
+    assert set(second) == {"actuator.gain@joint1+joint2", "inertia.extra@tip"}
+    assert any(f"{0.95 * mass:.4g} kg" in note for note in wrong.notes)
