@@ -61,6 +61,20 @@ def page(summary: Json, command: str) -> str:
                 for name, row in s["parameters"].items()
             ],
         ),
+        "## Right names, but an error above 1.1 floors",
+        _table(
+            ("seed", "strength", "hidden", "rms over floor", "structure"),
+            [
+                (
+                    row["seed"],
+                    f"{row['strength']:g}",
+                    " + ".join(row["hidden"]),
+                    ", ".join(f"{name} {value}" for name, value in row["over_floor"].items()),
+                    "; ".join(row["structure"])[:90],
+                )
+                for row in s["right_but_above"]
+            ],
+        ),
         "## Every study that was not right",
         _table(
             (

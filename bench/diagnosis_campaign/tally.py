@@ -231,6 +231,19 @@ def summary(lines: Sequence[Json]) -> Json:
             "answers with a tie": rate(hidden, lambda line: bool(line.get("tied"))),
             "names in a tie": median(line["tied"] for line in hidden if line.get("tied")),
         },
+        "right_but_above": [
+            {
+                "seed": line["seed"],
+                "strength": line["strength"],
+                "hidden": line["effects"],
+                "over_floor": {
+                    name: round(v, 2) for name, v in line["over_floor"]["after"].items() if v > 1.1
+                },
+                "structure": line["structure"],
+            }
+            for line in hidden
+            if is_right(line) and not _within(line)
+        ],
         "not_right": [
             {
                 "seed": line["seed"],
