@@ -13,6 +13,7 @@ from impid_host.diagnosis.holdout import Holdout, hold_out
 from impid_host.diagnosis.oddities import Oddity
 from impid_host.diagnosis.prepare import setting_of, views
 from impid_host.diagnosis.rows import Run, Slot, Taps, build_runs, slots_of
+from impid_host.diagnosis.sample import sampled
 from impid_host.diagnosis.smooth import smooth_candidates
 from impid_host.diagnosis.table import Table, is_known, table_of
 from impid_host.diagnosis.whiten import noise_models, whitened
@@ -22,6 +23,8 @@ from impid_host.errors import UndeterminedError
 from impid_host.robot.model import robot_model
 from impid_host.signals.arrays import Floats
 from impid_host.study.model import Study
+
+_AT_ONCE = 256  # columns
 
 Progress = Callable[[str, float], None]
 
@@ -35,10 +38,12 @@ class Case:
     """A study prepared for the choice.
 
     Attributes:
-        views: with the present model in them; runs: raw rows; taps: noise models.
+        views: with the present model in them; sample: what of them the choice looks at.
+        runs: raw rows of the sample; taps: noise models.
     """
 
     views: tuple[View, ...]
+    sample: tuple[View, ...]
     base: Base
     holdout: Holdout
     slots: tuple[Slot, ...]
@@ -46,6 +51,11 @@ class Case:
     taps: Taps
     table: Table
     oddities: tuple[Oddity, ...]
+
+    @property
+    def looked_at(self) -> list[View]:
+        """The sample's trials of which anything is used."""
+        return [view for view in self.sample if view.valid.any()]
 
 
 def prepare(study: Study, progress: Progress = silent, pushed: Sequence[Burst] = ()) -> Case:
@@ -68,22 +78,25 @@ def evaluated(
     progress: Progress = silent,
 ) -> Case:
     """Every candidate's columns on the given views, whitened."""
+    sample = sampled(parts)
+    used = [view for view in sample if view.valid.any()]
     setting = setting_of(parts, base)
-    slots = slots_of([*candidates(setting), *smooth_candidates(parts, setting)], base.size)
+    slots = slots_of([*candidates(setting), *smooth_candidates(used, setting)], base.size)
     runs: list[Run] = []
-    for index, view in enumerate(parts):
-        progress(f"evaluating the catalogue on {view.name}", 0.25 + 0.4 * index / len(parts))
+    for index, view in enumerate(used):
+        progress(f"evaluating the catalogue on {view.name}", 0.25 + 0.4 * index / len(used))
         runs += build_runs(view, base, slots, holdout)
     rows = sum(len(run.target) for run in runs if run.part == "fit" and run.key == ("torque", 0))
     taps = noise_models(runs, saturated(base, slots, rows), {})
     return Case(
         tuple(parts),
+        sample,
         base,
         holdout,
         tuple(slots),
         tuple(runs),
         taps,
-        whitened_table(parts, base, holdout, slots, runs, taps),
+        whitened_table(used, base, holdout, slots, runs, taps),
         tuple(oddities),
     )
 
@@ -97,19 +110,21 @@ def whitened_table(
     taps: Taps,
 ) -> Table:
     """The rows that the choice works on: whitened, the base model regressed out, fit part alone."""
-    fit = [run for run in whitened(runs, taps) if run.part == "fit"]
+    fit = whitened([run for run in runs if run.part == "fit"], taps)
     Q = base_directions(fit, base.size)
 
     def freed(columns: list[Floats]) -> list[Floats]:
         stacked = np.concatenate(columns)
-        stacked = stacked - Q @ (Q.T @ stacked)
+        for first in range(0, stacked.shape[1], _AT_ONCE):  # a long study's rows fill gigabytes
+            some = stacked[:, first : first + _AT_ONCE]
+            some -= Q @ (Q.T @ some)
         return np.split(stacked, np.cumsum([len(part) for part in columns])[:-1])
 
     def make(fresh: Sequence[Slot]) -> list[Floats]:
         first = fresh[0].columns.start + base.size
         moved = [_moved(slot, base.size) for slot in fresh]
         raw = [run for view in parts for run in build_runs(view, base, moved, holdout, first=first)]
-        return freed([run.design for run in whitened(raw, taps) if run.part == "fit"])
+        return freed([run.design for run in whitened([run for run in raw if run.part == "fit"], taps)])
 
     targets = freed([run.target[:, None] for run in fit])
     designs = freed([run.design[:, base.size :] for run in fit])

@@ -50,7 +50,7 @@ def diagnose(study: Study, progress: Progress = silent) -> Diagnosis:
     left += [withdrawn_structure(finding, stages) for finding in withdrawn]
     first, last = stages[0].rms, stages[-1].rms
     if left:
-        unknown, fit = unknown_stage(bench, case.table, active, curves, fit, left)
+        unknown, fit = unknown_stage(bench, case.table, active, curves, fit, left, last)
         stages = (*stages, unknown)
     told = floor_of(case, fit, left, study)
     known = Reference() if left else references_of(case, stages[-1], study)

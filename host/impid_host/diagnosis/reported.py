@@ -4,11 +4,12 @@ The choice looks at whitened rows in a band of its own; a reader looks at the rm
 """
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from impid_host.diagnosis.refit import Refit
-from impid_host.diagnosis.result import Finding, Stage, Structure
+from impid_host.diagnosis.result import Chosen, Finding, Stage, Structure
 from impid_host.diagnosis.stages import Bench, named_stages
 
 # Mean logarithm of the ratios of rms over the channels: chance in untouched channels stays below.
@@ -24,6 +25,11 @@ def upheld_stages(
     withdrawn: list[Finding] = []
     while True:
         stages, fit = named_stages(bench, kept)
+        held = [_possible(finding, parts) for finding, parts in zip(kept, _parts_of(kept, fit), strict=True)]
+        if held != kept:
+            withdrawn += [finding for finding, left in zip(kept, held, strict=True) if left is None]
+            kept = [left for left in held if left is not None]
+            continue
         harmful = _harmful(bench, kept, stages)
         if harmful is None:
             return stages, fit, withdrawn
@@ -34,6 +40,29 @@ def is_worse(with_it: Mapping[str, float], without: Mapping[str, float]) -> bool
     """Whether held-out rms (by channel) says that an effect should not be there."""
     ratios = np.array([with_it[key] / max(own, 1e-300) for key, own in without.items() if with_it.get(key)])
     return bool(len(ratios) and (np.mean(np.log(ratios)) > _WORSE or ratios.max() > _MUCH))
+
+
+def _parts_of(findings: Sequence[Finding], fit: Refit) -> list[tuple[Chosen, ...]]:
+    """Each finding's parts as the joint fit has them."""
+    rest = list(fit.chosen)
+    result = []
+    for finding in findings:
+        own, rest = rest[: len(finding.parts)], rest[len(finding.parts) :]
+        result.append(tuple(own))
+    return result
+
+
+def _possible(finding: Finding, parts: Sequence[Chosen]) -> Finding | None:
+    """The finding where it is physically possible once everything is fitted together, or None."""
+    good = [own for own, part in zip(finding.parts, parts, strict=True) if _stands(part)]
+    if len(good) == len(parts):
+        return finding
+    where = tuple(name for part in good for name in part.candidate.where)
+    return replace(finding, parts=tuple(good), where=where) if good else None
+
+
+def _stands(part: Chosen) -> bool:
+    return part.candidate.gate(part.beta, part.shape)
 
 
 def _harmful(bench: Bench, findings: Sequence[Finding], stages: Sequence[Stage]) -> int | None:
@@ -54,7 +83,7 @@ def withdrawn_structure(finding: Finding, stages: Sequence[Stage]) -> Structure:
     on = f"tau{joints[0][-1]}" if joints else max(stages[0].rms, key=lambda key: 1 - stages[0].vaf[key] / 100)
     none = np.zeros((0, 2))
     words = (
-        f"something in the fit part resembles {finding.effect}@{'+'.join(finding.where)}, but with it the "
-        "error on held-out data rises: no cause is named"
+        f"something in the fit part resembles {finding.effect}@{'+'.join(finding.where)}, but it does "
+        "not stand up to the joint fit and to held-out data: no cause is named"
     )
     return Structure("time", on, finding.share_of_residual, none, none, words)

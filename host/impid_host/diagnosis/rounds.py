@@ -50,7 +50,7 @@ def second_opinion(case: Case, picked: Sequence[Slot]) -> tuple[Table, Taps]:
     """The table under a noise model of what the picked slots leave; they stand last in it."""
     raw, first, _ = own_runs(case, picked)
     taps = noise_models(raw, range(first), {})
-    table = whitened_table(case.views, case.base, case.holdout, case.slots, case.runs, taps)
+    table = whitened_table(case.looked_at, case.base, case.holdout, case.slots, case.runs, taps)
     for slot in picked:
         table = table.with_shapes(slot.candidate, [slot.shape])
     return table, taps

@@ -1,6 +1,6 @@
 """What the named effects leave: as structure, as curves in a last stage, against the floor of noise."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -14,8 +14,10 @@ from impid_host.diagnosis.lines import spectral_lines
 from impid_host.diagnosis.oddities import Oddity
 from impid_host.diagnosis.proof import corrected
 from impid_host.diagnosis.refit import Refit
+from impid_host.diagnosis.reported import is_worse
 from impid_host.diagnosis.result import Chosen, Floor, Stage, Structure
 from impid_host.diagnosis.rows import build_runs
+from impid_host.diagnosis.sample import sampled
 from impid_host.diagnosis.shapes import structures
 from impid_host.diagnosis.stages import Bench, unattributed_stage
 from impid_host.diagnosis.support import p_value
@@ -29,7 +31,7 @@ from impid_host.study.model import Study
 def left_over(case: Case, active: Sequence[int], curves: Sequence[int], fit: Refit) -> list[Structure]:
     """Structure in what the effects leave: curves, hums, a random walk; or parts unlike the others."""
     table, model = case.table, [*active, *curves]
-    left = structures(table, active, curves, case.views)
+    left = structures(table, active, curves, case.looked_at)
     left += spectral_lines(table, model, case.taps)
     left += wandering(table, model, case.taps)
     return left if left else unsteady_of(case, fit)
@@ -50,12 +52,21 @@ def unknown_stage(
     curves: Sequence[int],
     fit: Refit,
     left: Sequence[Structure],
+    before: Mapping[str, float],
 ) -> tuple[Stage, Refit]:
-    """The last stage: the named effects' model with those curves that say something of other data."""
+    """The last stage: the named effects' model with those curves that say something of other data.
+
+    Args:
+        before: held-out rms without the curves; where they make it worse, they say nothing of other data.
+    """
     share = min(1.0, sum(row.share for row in left))
     parts = [part for part in curve_parts(table, active, curves) if carries(part)]
     unsure = least_sure(table, active, curves)
-    return unattributed_stage(bench, fit, parts, [row.on for row in left], share, unsure)
+    on = [row.on for row in left]
+    stage, with_curves = unattributed_stage(bench, fit, parts, on, share, unsure)
+    if parts and is_worse(stage.rms, before):
+        return unattributed_stage(bench, fit, [], on, share, unsure)
+    return stage, with_curves
 
 
 def carries(part: Chosen) -> bool:
@@ -105,9 +116,10 @@ def odd_structure(oddity: Oddity) -> Structure:
 def floor_of(case: Case, fit: Refit, left: Sequence[Structure], study: Study) -> Floor:
     """What noise alone leaves in each held-out channel; the lines of what hums are no noise."""
     lines_Hz = [row.peak for row in left if row.variable == "frequency" and len(row.curve)]
-    seconds = sum(float(np.sum(view.valid)) * view.dt for view in case.views)
+    seconds = sum(float(np.sum(view.valid)) * view.dt for view in case.sample)
     columns = saturated(case.base, case.slots, round(5 * 2 * PUBLISHED_CUTOFF_HZ * seconds / PER_COLUMN))
     used = {view.name for view in case.views}
     logs = [(trial.robot.tau, trial.robot.force) for trial in study.trials if trial.name in used]
     steps = resolution_of(logs)
+    fit = replace(fit, views=sampled(fit.views))
     return noise_floor(fit, case.base, case.holdout, case.runs, columns, lines_Hz, steps)
