@@ -7,6 +7,7 @@ and by which parameters are off, what it could be.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from decimal import Decimal
 
 import numpy as np
 from scipy import stats
@@ -17,7 +18,7 @@ from impid_host.robot.model import RobotModel
 from impid_host.signals.arrays import Floats
 
 _P_VALUE = 1e-4
-_EXACT = 0.002  # relative standard deviation of a reference: three digits and a scale's error
+_EXACT = 0.002  # relative standard deviation of a reference, besides its rounding
 _WARM = 0.05  # of viscous friction, which follows the temperature of the grease
 _INERTIA = 0.01  # least difference that is told, of a main inertia
 _VISCOUS = 0.10
@@ -49,8 +50,8 @@ def against_prior(prior: Sequence[float], model: RobotModel, alpha: Number) -> R
         return Reference()
     inertial = np.array([not unit.startswith("N") for unit in model.parameter_units])
     difference = value - known
-    own = np.diag((np.where(inertial, _EXACT, _WARM) * known) ** 2)
-    covariance = alpha.covariance + own
+    own = (np.where(inertial, _EXACT, _WARM) * known) ** 2 + [_rounding(one) ** 2 for one in prior]
+    covariance = alpha.covariance + np.diag(own)
     if significance(difference[inertial], covariance[np.ix_(inertial, inertial)]) < _P_VALUE and np.any(
         np.abs(difference)[inertial] > _INERTIA * _main_sizes(known, model.parameter_units)[inertial]
     ):
@@ -154,6 +155,12 @@ def _tip_mass(model: RobotModel, theta: Floats, omega: Floats, acc: Floats) -> F
     a = np.einsum("kij,kj->ki", J, acc) + np.einsum("kij,kj->ki", model.jacobian_rate(theta, omega), omega)
     torque: Floats = np.einsum("kij,ki->kj", J, a - np.array(model.plane_gravity_m_s2))
     return torque
+
+
+def _rounding(value: float) -> float:
+    """Standard deviation of what was cut off behind the last digit that was written."""
+    exponent = Decimal(repr(float(value))).as_tuple().exponent
+    return 10.0 ** int(exponent) / 12**0.5
 
 
 def _main_sizes(value: Floats, units: Sequence[str]) -> Floats:

@@ -38,6 +38,13 @@ def test_a_prior_that_agrees_within_its_digits_is_silent(size: float) -> None:
     assert compared(size * PRIOR * np.array([1, -1, 1, 1, -1])) == Reference()
 
 
+def test_a_prior_of_two_digits_is_not_blamed_for_the_others() -> None:
+    rounded = np.array([0.069, 0.042, 0.044, 0.065, 0.074])
+    found = number(rounded + 0.00049 * np.array([1, -1, 1, 0, 0]), SD)
+    assert against_prior(tuple(rounded), ABSOLUTE, found) == Reference()
+    assert against_prior(tuple(rounded + 1e-9), ABSOLUTE, found) != Reference()
+
+
 @pytest.mark.parametrize(
     ("column", "joint"),
     [
