@@ -136,7 +136,7 @@ def test_a_mass_that_is_missing_is_no_extra_inertia() -> None:
 
 def test_shares_are_ranked_under_the_covariance() -> None:
     columns = {"friction": np.array([1.0, 0.0]), "spring": np.array([0.0, 1.0])}
-    difference = np.array([1.0, 2.0])
+    difference = np.array([1.0, 3.0])
     assert explained_by(difference, np.diag([1.0, 1.0]), columns) == ("spring",)
     assert explained_by(difference, np.diag([1.0, 100.0]), columns) == ("friction",)
 
