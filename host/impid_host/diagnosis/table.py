@@ -70,7 +70,7 @@ def worth(drop: float, slot: Slot, rows: int) -> float:
     Of an effect a hundred times the noise, what the model's own small errors leave is significant too; a
     parameter more is believed if it explains half a percent more.
     """
-    parameters = slot.candidate.size + (len(slot.candidate.shapes) > 1)
+    parameters = slot.candidate.size - slot.candidate.nuisance + (len(slot.candidate.shapes) > 1)
     known = 1.0 - _PARSIMONY * parameters if is_known(slot) else 1.0
     return known * drop - price(slot, rows)
 

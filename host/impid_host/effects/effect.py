@@ -73,6 +73,7 @@ class Candidate:
         size: q.
         shapes: values of the non-linear parameter to try; one meaningless 0 where there is none.
         gate: whether beta and shape are physically possible (a friction does not drive).
+        nuisance: how many of the columns are of the apparatus, not of the effect: it has them anyway.
         variant: what tells candidates of one name and place apart.
         units: of the reported parameters, where they differ from the catalogue's.
         undo: takes the effect out of a trial exactly, where subtracting its columns would not.
@@ -87,6 +88,7 @@ class Candidate:
     size: int = 1
     shapes: tuple[float, ...] = (0.0,)
     gate: Gate = no_gate
+    nuisance: int = 0
     variant: str = ""
     units: Mapping[str, str] = field(default_factory=dict)
     undo: Callable[[View, Floats], View] | None = None

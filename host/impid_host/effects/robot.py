@@ -156,7 +156,9 @@ def _tilt(setting: Setting) -> Iterator[Candidate]:
     def gate(beta: Floats, _shape: float) -> bool:
         return bool(np.hypot(beta[0], beta[1]) < 5.0)
 
-    yield Candidate("gravity.tilt", ("tip",), columns, read, size=6, gate=gate, variant="links too")
+    yield Candidate(
+        "gravity.tilt", ("tip",), columns, read, size=6, gate=gate, variant="links too", nuisance=4
+    )
     # A slight tilt pulls at the links by little: four free moments would cost more than they show.
     yield Candidate(
         "gravity.tilt", ("tip",), links_by_alpha, read, size=2, gate=gate, variant="links by alpha"
