@@ -15,14 +15,16 @@ from impid_host.diagnosis.stages import Bench, named_stages
 # Mean logarithm of the ratios of rms over the channels: chance in untouched channels stays below.
 _WORSE = 0.01
 _MUCH = 1.5  # no channel may pay for the others with so much
+_OUTDONE = -0.25  # margin of a runner-up that explains more, yet cannot be the cause: then neither is
 
 
 def upheld_stages(
     bench: Bench, findings: Sequence[Finding]
 ) -> tuple[tuple[Stage, ...], Refit, list[Finding]]:
     """Stages and last fit of the findings that do no harm, and those withdrawn."""
-    kept = list(findings)
-    withdrawn: list[Finding] = []
+    kept, withdrawn = list(findings), list[Finding]()
+    if len(findings) == 1 and outdone(findings[0]):
+        kept, withdrawn = [], list(findings)
     while True:
         stages, fit = named_stages(bench, kept)
         held = [_possible(finding, parts) for finding, parts in zip(kept, _parts_of(kept, fit), strict=True)]
@@ -34,6 +36,12 @@ def upheld_stages(
         if harmful is None:
             return stages, fit, withdrawn
         withdrawn.append(kept.pop(harmful))
+
+
+def outdone(finding: Finding) -> bool:
+    """Whether a single effect explains much less than one that was ruled out on other grounds."""
+    rival = finding.runner_up
+    return len(finding.parts) == 1 and rival is not None and rival.margin < _OUTDONE
 
 
 def is_worse(with_it: Mapping[str, float], without: Mapping[str, float]) -> bool:
