@@ -52,7 +52,7 @@ test-python: $(STAMP)
 	scripts/system_packages.sh
 	$(BIN)/pytest -n 2 --dist loadfile -q
 
-validate: $(STAMP) ## the long forms, with their figures written to docs/validation (some two hours)
+validate: $(STAMP) ## the long forms, with their figures written to docs/validation (several hours)
 	@PATH="$(CURDIR)/$(BIN):$$PATH" scripts/validate_recording.sh
 	scripts/firmware_fuzz.sh -max_total_time=60
 	$(BIN)/python scripts/validate/first_paper.py
