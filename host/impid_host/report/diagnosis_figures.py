@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import matplotlib as mpl
 
@@ -16,24 +15,9 @@ from scipy import signal
 from impid_host.diagnosis.result import Diagnosis, Structure, Trace
 from impid_host.report.diagnosis_tables import stage_name
 from impid_host.report.diagnosis_units import channel_unit, structure_words, variable_unit
+from impid_host.report.style import STYLE
 from impid_host.signals.arrays import Floats
 
-_STYLE: dict[Any, Any] = {
-    "font.size": 8,
-    "axes.titlesize": 9,
-    "axes.titlelocation": "left",
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.grid": True,
-    "grid.color": "#e4e4e4",
-    "grid.linewidth": 0.6,
-    "axes.axisbelow": True,
-    "legend.frameon": False,
-    "legend.fontsize": 7.5,
-    "lines.linewidth": 1.1,
-    "savefig.dpi": 160,
-    "figure.constrained_layout.use": True,
-}
 # Okabe and Ito's palette: told apart in print and by colour-blind readers.
 _BEFORE, _AFTER, _FLOOR = "#d55e00", "#0072b2", "#333333"
 _BINS = 30
@@ -44,7 +28,7 @@ _HIGHEST_HZ = 6.0  # the residual is low-passed
 def draw_diagnosis(diagnosis: Diagnosis, folder: Path) -> list[Path]:
     """Write the figures to a folder; returns their paths."""
     folder.mkdir(parents=True, exist_ok=True)
-    with mpl.rc_context(_STYLE):
+    with mpl.rc_context(STYLE):
         drawn = [_save(_stages(diagnosis), folder / "diagnosis_stages.png")]
         for key in dict.fromkeys(trace.channel for trace in diagnosis.traces):
             own = [trace for trace in diagnosis.traces if trace.channel == key]

@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import matplotlib as mpl
 import numpy as np
@@ -18,23 +17,8 @@ from impid_host.report.ellipses import ellipse_figure
 from impid_host.report.fit_tables import judged_on
 from impid_host.report.parameter_entries import parameter_entries
 from impid_host.report.spectral_plots import coherence_figure, detection_figure, impedance_figure
+from impid_host.report.style import STYLE
 
-_STYLE: dict[Any, Any] = {
-    "font.size": 8,
-    "axes.titlesize": 9,
-    "axes.titlelocation": "left",
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.grid": True,
-    "grid.color": "#e4e4e4",
-    "grid.linewidth": 0.6,
-    "axes.axisbelow": True,
-    "legend.frameon": False,
-    "legend.fontsize": 7.5,
-    "lines.linewidth": 1.1,
-    "savefig.dpi": 200,
-    "figure.constrained_layout.use": True,
-}
 # Okabe and Ito's palette: told apart in print and by colour-blind readers.
 _DATA, _FIT, _RESIDUAL, _SECOND = "#333333", "#0072b2", "#d55e00", "#009e73"
 _WIDTH_IN = 7.0
@@ -45,7 +29,7 @@ def draw_study(result: StudyFit, folder: Path) -> list[Path]:
     """Draw all figures of a study as PNG into `folder` and return their paths."""
     folder.mkdir(parents=True, exist_ok=True)
     paths = []
-    with mpl.rc_context(_STYLE):
+    with mpl.rc_context(STYLE):
         if isinstance(result.robot, RobotFit):
             paths.append(_save(robot_figure(result.robot), folder / "robot.png"))
         for load in dict.fromkeys(fit.load for fit in result.loads):

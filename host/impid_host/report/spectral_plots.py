@@ -17,22 +17,9 @@ from impid_host.impedance.spectral.arrays import Complexes, Floats
 from impid_host.impedance.spectral.distortion import DistortionLevels
 from impid_host.impedance.spectral.estimate import SpectralEstimate
 from impid_host.impedance.spectral.second_order import second_order_impedance
+from impid_host.report.style import STYLE
 
 Model = tuple[Floats, Floats, Floats]
-STYLE: dict[Any, Any] = {
-    "font.size": 8,
-    "axes.titlesize": 9,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.grid": True,
-    "grid.color": "#e4e4e4",
-    "grid.linewidth": 0.6,
-    "axes.axisbelow": True,
-    "legend.frameon": False,
-    "legend.fontsize": 7.5,
-    "lines.linewidth": 1.1,
-    "figure.constrained_layout.use": True,
-}
 # Okabe and Ito's palette: told apart in print and by colour-blind readers.
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7")
 MARKERS = ("o", "s", "^", "D")
