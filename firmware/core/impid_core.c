@@ -15,12 +15,12 @@ void impid_core_init(impid_core_t *core, const impid_core_config_t *config, cons
     impid_stream_init(&core->stream, config->boot_id, config->first_index);
     impid_selftest_init(&core->selftest, config->vref_mV);
     impid_frame_parser_init(&core->parser);
-    if (config->trace != NULL) {
-        impid_trace_begin(config->trace, config->boot_id);
+    if (core->config.trace != NULL) {
+        impid_trace_begin(core->config.trace, config->boot_id);
     }
 }
 
-static void mark(const impid_core_t *core) {
+static void mark(impid_core_t *core) {
     if (core->config.trace != NULL) {
         impid_trace_mark(core->config.trace,
                          atomic_load_explicit(&core->sampler.produced, memory_order_relaxed));
