@@ -40,7 +40,8 @@ def judged(
         structure: whether it says that something without a name is left.
     """
     hidden, named = placed(truth), placed(found)
-    tied = [set(map(_name, tie)) for tie in ties]
+    # A hidden effect is part of a tie only with all of its places.
+    tied = [{name for name, at in placed(tie).items() if hidden.get(name, at) <= at} for tie in ties]
     right = set(named) == set(hidden)
     return Verdict(
         word=_word(set(hidden), set(named), tied, structure=structure),

@@ -120,6 +120,13 @@ def test_places_are_those_of_the_catalogue():
         (["accel.scale@x"], ["inertia.extra@tip"], [["inertia.extra@tip", "accel.scale@x"]], True, "wrong"),
         (["accel.scale@x"], ["inertia.extra@tip"], [["inertia.extra@tip", "accel.bias@x"]], False, "wrong"),
         (
+            ["accel.scale@sensor"],
+            ["inertia.extra@tip"],
+            [["inertia.extra@tip", "accel.scale@x"]],
+            False,
+            "wrong",
+        ),
+        (
             ["accel.scale@x"],
             ["inertia.extra@tip", "load.drift@load"],
             [["inertia.extra@tip", "accel.scale@x"]],
