@@ -14,6 +14,7 @@ from impid_host.diagnosis.refit import refit
 from impid_host.diagnosis.rows import Run, Slot, Taps, build_runs
 from impid_host.diagnosis.support import supported
 from impid_host.diagnosis.table import Table, possible, score_of
+from impid_host.diagnosis.ties import decomposed, joints_of
 from impid_host.diagnosis.whiten import noise_models, whitened
 from impid_host.effects.effect import no_gate
 
@@ -87,8 +88,21 @@ def confirmed(case: Case, active: Sequence[int], curves: Sequence[int]) -> tuple
         table = table.with_shapes(slot.candidate, [slot.shape])
     places = list(range(first, first + len(picked)))
     bent_places = places[len(fresh) :]
-    kept = possible(table, [*largest, *places[: len(fresh)]], bent_places)
-    return replace(case, table=table), kept, bent_places
+    return replace(case, table=table), beside(table, largest, places[: len(fresh)], bent_places), bent_places
+
+
+def beside(table: Table, largest: Sequence[int], others: Sequence[int], curves: Sequence[int]) -> list[int]:
+    """The largest effect's slots, and of the others those that leave all physically possible.
+
+    What the largest effect holds by its equation (unequal friction a constant torque) is no second effect.
+    """
+    candidates = [table.slots[s].candidate for s in largest]
+    held = {label for own in candidates for label in decomposed(own, joints_of(table))}
+    kept = possible(table, largest, curves)
+    for s in others:
+        if table.slots[s].candidate.label not in held and possible(table, [*kept, s], curves) == [*kept, s]:
+            kept = [*kept, s]
+    return kept
 
 
 def upheld(case: Case, active: Sequence[int], curves: Sequence[int]) -> list[int]:

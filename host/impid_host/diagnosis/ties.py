@@ -58,7 +58,7 @@ def ties(table: Table, active: Sequence[int]) -> list[Tie]:
         labels = [table.slots[s].candidate.label]
         near = [rival for rival in _rivals(table, rest, s) if within_reach(table, rest, s, rival)]
         labels += [table.slots[rival].candidate.label for rival in near]
-        labels = list(dict.fromkeys([*labels, *_decomposed(table.slots[s].candidate, joints_of(table))]))
+        labels = list(dict.fromkeys([*labels, *decomposed(table.slots[s].candidate, joints_of(table))]))
         if len(labels) > 1:
             found.append(Tie(tuple(labels), telling_trial(labels)))
     return found
@@ -112,7 +112,7 @@ def _same_thing(one: Candidate, other: Candidate) -> bool:
     return one.effect == other.effect and bool(set(one.where) & set(other.where))
 
 
-def _decomposed(candidate: Candidate, joints: int) -> list[str]:
+def decomposed(candidate: Candidate, joints: int) -> list[str]:
     """What the effect holds besides itself, so that nobody can say whether that is there too.
 
     While a joint moves, unequal dry friction is equal dry friction beside a constant torque; a spring's rest

@@ -117,6 +117,9 @@ def _damping_cartesian(setting: Setting) -> Iterator[Candidate]:
     )
 
 
+_LARGEST_MOMENT = 3.0  # kg m of a link: 10 kg at 0.3 m
+
+
 def _tilt(setting: Setting) -> Iterator[Candidate]:
     if not setting.planar or not setting.accelerometer:
         return
@@ -154,7 +157,10 @@ def _tilt(setting: Setting) -> Iterator[Candidate]:
         return {"gx": float(beta[0]), "gy": float(beta[1])}
 
     def gate(beta: Floats, _shape: float) -> bool:
-        return bool(np.hypot(beta[0], beta[1]) < 5.0)
+        # Constant torques pull at links without any tilt that the accelerometer feels: no tilt.
+        felt = float(np.hypot(beta[0], beta[1]))
+        pulls = [float(np.hypot(*pair)) for pair in np.reshape(beta[2:], (-1, 2))]
+        return felt < 5.0 and max(pulls, default=0.0) < _LARGEST_MOMENT * felt
 
     yield Candidate(
         "gravity.tilt", ("tip",), columns, read, size=6, gate=gate, variant="links too", nuisance=4
