@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 from impid_host.errors import UndeterminedError
+from impid_host.robot.planar_2r_absolute import Planar2RAbsolute
 from impid_host.samples import FLAG_ENCODER_FAULT, FLAG_RESET, FLAG_SATURATED, DeviceSamples
-from impid_host.signals.align import base_frame_acceleration, joint_acceleration
+from impid_host.signals.align import base_frame_acceleration, joint_acceleration, sensor_angle
 from impid_host.signals.counts import (
     joint_angles,
     longest_run,
@@ -67,10 +68,19 @@ def test_flags_and_resets() -> None:
 def test_sensor_axes_turn_with_link_2_or_stay() -> None:
     theta = np.array([[0.0, np.pi / 2]])
     along = np.array([[1.0, 0.0]])
-    assert base_frame_acceleration(along, theta, sensor("link2"))[0] == pytest.approx([0, 1], abs=1e-12)
-    assert base_frame_acceleration(along, theta, sensor("fixed"))[0] == pytest.approx([1, 0], abs=1e-12)
-    turned = base_frame_acceleration(along, theta, sensor("link2", np.pi / 2))[0]
-    assert turned == pytest.approx([-1, 0], abs=1e-12)
+    model = Planar2RAbsolute(0.254, 0.2667)
+
+    def in_base(mounted: AccelerometerSetup) -> list[float]:
+        return list(base_frame_acceleration(along, sensor_angle(theta, mounted, model))[0])
+
+    assert in_base(sensor("link2")) == pytest.approx([0, 1], abs=1e-12)
+    assert in_base(sensor("fixed")) == pytest.approx([1, 0], abs=1e-12)
+    assert in_base(sensor("link2", np.pi / 2)) == pytest.approx([-1, 0], abs=1e-12)
+
+
+def test_a_sensor_at_rest_feels_the_opposite_of_gravity() -> None:
+    felt = np.array([[0.0, 9.81]])
+    assert base_frame_acceleration(felt, np.zeros(1), (0.0, -9.81))[0] == pytest.approx([0, 0], abs=1e-12)
 
 
 def test_joint_acceleration_inverts_the_chain_rule() -> None:
