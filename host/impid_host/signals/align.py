@@ -136,7 +136,9 @@ def align(
         UndeterminedError: the clocks cannot be matched, there is no accelerometer though it was asked for,
             or less than 2 s remain.
     """
-    measured = trial.device is not None and setup.accelerometer is not None and model.joints == 2
+    # Two axes of acceleration give as many joints' accelerations as move the end-effector in their plane.
+    planar = model.joints == len(model.task_axes) == 2
+    measured = trial.device is not None and setup.accelerometer is not None and planar
     if source == "accelerometer" and not measured:
         raise UndeterminedError(
             f"trial {trial.name}: no accelerometer beside this robot model; use --acceleration angles"

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from impid_host.samples import DeviceSamples
 
 Floats = NDArray[np.float64]
-RobotModelName = Literal["planar-2r-absolute", "planar-2r-relative", "slide-1d", "joint-1d", "urdf"]
+RobotModelName = str  # a row of robot.model.ROBOTS
 TrialKind = Literal["free", "mass-spring", "arm", "stochastic"]
 
 STANDARD_GRAVITY_M_S2 = 9.80665

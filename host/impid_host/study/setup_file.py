@@ -5,9 +5,10 @@ from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
 import tomli_w
-from pydantic import Field, model_validator
+from pydantic import Field, field_validator, model_validator
 
 from impid_host.errors import InputError
+from impid_host.robot.model import ROBOTS
 from impid_host.study.model import (
     AccelerometerSetup,
     EncoderSetup,
@@ -30,12 +31,21 @@ class _Robot(Table):
     gravity_m_s2: Pair = Field(default_factory=lambda: [0.0, 0.0])
     urdf: str | None = None
 
+    @field_validator("model")
+    @classmethod
+    def _known(cls, model: str) -> str:
+        if model not in ROBOTS:
+            raise ValueError(f"there are {', '.join(ROBOTS)}")
+        return model
+
     @model_validator(mode="after")
     def _complete(self) -> Self:
-        if self.model.startswith("planar-2r") and len(self.link_lengths_m) != 2:
-            raise ValueError(f'model "{self.model}" needs link_lengths_m = [l1, l2]')
-        if self.model == "urdf" and not self.urdf:
-            raise ValueError('model "urdf" needs urdf = "robot.urdf"')
+        kind = ROBOTS[self.model]
+        if kind.link_lengths and len(self.link_lengths_m) != kind.link_lengths:
+            wanted = ", ".join(f"l{link + 1}" for link in range(kind.link_lengths))
+            raise ValueError(f'model "{self.model}" needs link_lengths_m = [{wanted}]')
+        if kind.described and not self.urdf:
+            raise ValueError(f'model "{self.model}" needs urdf = "robot.urdf"')
         return self
 
 
