@@ -16,7 +16,7 @@ from impid_host.design.reference import (
     ten_sinusoids,
 )
 from impid_host.errors import InputError
-from impid_host.robot.model import RobotModel, robot_model
+from impid_host.robot.model import ROBOTS, RobotModel, robot_model
 from impid_host.study.csv_table import write_columns
 from impid_host.study.model import Setup
 from impid_host.study.setup_file import read_setup
@@ -272,7 +272,7 @@ def multisine(
 
 
 def _model(path: Path, setup: Setup) -> RobotModel:
-    if setup.robot.model == "urdf":
+    if ROBOTS[setup.robot.model].described:
         raise InputError(
             path, "design needs the robot's own model, not a URDF", "use a planar model or slide-1d"
         )

@@ -18,9 +18,9 @@ from impid_host.errors import InputError, LinkError
 from impid_host.link.client import FAULT_RECORD, SETTINGS, BoardClient
 from impid_host.link.readings import mean_codes
 from impid_host.recording.reader import read_recording
+from impid_host.samples import rows_of
 from impid_host.signals.counts import longest_run, usable_samples
 from impid_host.study.setup_file import read_setup
-from impid_host.wire.decoder import rows_of
 from impid_host.wire.messages import SAMPLE_PERIOD_US, choices
 
 _SELF_TEST = {number: name for name, number in choices("STATUS_HEALTH", "self_test").items()}

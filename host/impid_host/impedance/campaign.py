@@ -138,7 +138,7 @@ def fit_load(
 
     `kind` says what the load is; by default it is what its trials are.
 
-    A joint-1d torque is measured at the load itself, so there Method 2 is all there is.
+    A torque that is measured at the load itself leaves nothing but Method 2.
 
     Raises:
         UndeterminedError: the load's trials are of more than one kind.
@@ -242,7 +242,7 @@ def prior_parameters(study: Study, structure: RobotStructure) -> RobotParameters
     """
     prior = study.setup.prior_alpha
     size = len(structure.parameter_names)
-    if prior is None and structure.model.name == "joint-1d":
+    if prior is None and structure.model.torque_at_load:
         return RobotParameters(structure, np.zeros(size), np.zeros((size, size)), "none")
     if prior is None and any(trial.robot.force is not None for trial in study.trials):
         return RobotParameters(structure, np.full(size, np.nan), np.zeros((size, size)), "unknown")

@@ -217,10 +217,13 @@ def interval(ci: Floats) -> str:
 
 def _robot_caption(fit: RobotFit) -> str:
     vaf = ", ".join(f"tau{joint + 1} {value:.2f} %" for joint, value in enumerate(fit.vaf))
-    rms = ", ".join(f"{value:.3g}" for value in fit.rms)
-    unit = "N" if fit.parameters.structure.model.name == "slide-1d" else "N m"
+    units = [unit.replace("*", " ") for unit in fit.parameters.structure.torque_units]
+    alike = len(set(units)) == 1
+    rms = ", ".join(
+        f"{value:.3g}" if alike else f"{value:.3g} {unit}" for value, unit in zip(fit.rms, units, strict=True)
+    ) + (f" {units[0]}" if alike else "")
     return (
-        f"VAF on {judged_on(fit)}: {vaf}; residual rms {rms} {unit}; "
+        f"VAF on {judged_on(fit)}: {vaf}; residual rms {rms}; "
         f"relative error {fit.estimate.relative_error_percent:.2f} % of the fitted rows\n"
         f"accelerations from the {sources(fit.sources)}"
     )

@@ -27,6 +27,10 @@ class Planar2RAbsolute:
     prismatic: ClassVar[tuple[bool, ...]] = (False, False)
     plane_gravity_m_s2: ClassVar[tuple[float, float]] = (0.0, 0.0)
     task_axes: ClassVar[tuple[str, ...]] = ("x", "y")
+    task_is_rotary: ClassVar[bool] = False
+    torque_at_load: ClassVar[bool] = False
+    has_gravity: ClassVar[bool] = False
+    gravity_parameters: ClassVar[tuple[str, ...]] = ("gs1", "gc1", "gs2", "gc2")
     parameter_names: ClassVar[tuple[str, ...]] = ("alpha1", "alpha2", "alpha3", "alpha4", "alpha5")
     parameter_units: ClassVar[tuple[str, ...]] = ("kg*m^2", "kg*m^2", "kg*m^2", "N*m*s/rad", "N*m*s/rad")
 
@@ -41,6 +45,14 @@ class Planar2RAbsolute:
         Y[:, 1, 1] = -half_sin * theta_dd[:, 0] - half_cos * omega[:, 0] ** 2
         Y[:, 1, 2] = theta_dd[:, 1]
         Y[:, 1, 4] = omega[:, 1]
+        return Y
+
+    def gravity_regressor(self, theta: Floats) -> Floats:
+        """Sine and cosine of each absolute angle on its own joint: (N, 2) -> (N, 2, 4)."""
+        Y = np.zeros((len(theta), 2, 4))
+        for joint in range(2):
+            Y[:, joint, 2 * joint] = np.sin(theta[:, joint])
+            Y[:, joint, 2 * joint + 1] = np.cos(theta[:, joint])
         return Y
 
     def position(self, theta: Floats) -> Floats:

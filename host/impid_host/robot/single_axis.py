@@ -13,6 +13,7 @@ class SingleAxis:
     __slots__ = ()
 
     plane_gravity_m_s2: ClassVar[tuple[float, float]] = (0.0, 0.0)
+    has_gravity: ClassVar[bool] = False
 
     def regressor(self, theta: Floats, omega: Floats, theta_dd: Floats) -> Floats:  # noqa: ARG002
         """Y (N, 1, 2)."""

@@ -52,10 +52,16 @@ class RobotStructure:
     @property
     def parameter_units(self) -> tuple[str, ...]:
         """Units in the order of the names; on a prismatic axis N and m stand for N m and rad."""
-        prismatic = self.model.name == "slide-1d"
-        units = (term.unit for term in self.terms for _ in range(self.model.joints))
-        own = tuple(unit.replace("N*m", "N").replace("rad", "m") if prismatic else unit for unit in units)
-        return self.model.parameter_units + own
+        return self.model.parameter_units + tuple(
+            term.unit.replace("N*m", "N").replace("rad", "m") if slides else term.unit
+            for term in self.terms
+            for slides in self.model.prismatic
+        )
+
+    @property
+    def torque_units(self) -> tuple[str, ...]:
+        """Unit of each joint's torque, n."""
+        return tuple("N" if slides else "N*m" for slides in self.model.prismatic)
 
     def regressor(self, theta: Floats, omega: Floats, theta_dd: Floats) -> Floats:
         """Y with tau = Y @ parameters in free motion: (N, n) three times -> (N, n, p + n * terms)."""

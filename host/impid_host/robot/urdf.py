@@ -7,7 +7,7 @@ viscous friction per joint stands beside them.
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from scipy import linalg
@@ -31,6 +31,7 @@ class Urdf:
         base: columns of the full regressor that are kept, (b,).
         base_names: of the combinations they stand for.
         task_axes: x, y for an arm of two joints that stays in the plane, else x, y, z.
+        has_gravity: gravity pulls at some joint; where not, the arm stays level.
     """
 
     pin_model: Any
@@ -40,6 +41,11 @@ class Urdf:
     base_names: tuple[str, ...]
     base_units: tuple[str, ...]
     task_axes: tuple[str, ...]
+    has_gravity: bool
+
+    task_is_rotary: ClassVar[bool] = False
+    torque_at_load: ClassVar[bool] = False
+    gravity_parameters: ClassVar[tuple[str, ...]] = ()
 
     @property
     def name(self) -> str:
@@ -80,6 +86,10 @@ class Urdf:
         for joint in range(self.joints):
             Y[:, joint, len(self.base) + joint] = omega[:, joint]
         return Y
+
+    def gravity_regressor(self, theta: Floats) -> Floats:
+        """A URDF's gravity is part of its own regressor: (N, n) -> (N, n, 0)."""
+        return np.zeros((len(theta), self.joints, 0))
 
     def position(self, theta: Floats) -> Floats:
         """(N, n) -> (N, d), m."""
@@ -175,7 +185,7 @@ def urdf_robot(path: Path) -> Urdf:
         raise InputError(path, "branches", "give a URDF of one serial chain")
     data, frame = model.createData(), model.nframes - 1
     base, names, units = _base_parameters(model, data)
-    return Urdf(model, data, frame, base, names, units, _task_axes(model, data, frame))
+    return Urdf(model, data, frame, base, names, units, _task_axes(model, data, frame), _pulls(model, data))
 
 
 def _pinocchio(path: Path | None = None) -> Any:
@@ -239,6 +249,13 @@ def _task_axes(model: Any, data: Any, frame: int) -> tuple[str, ...]:
     if model.nv == 1 and moves.sum() == 1:
         return (("x", "y", "z")[int(np.argmax(moves))],)
     return ("x", "y", "z")
+
+
+def _pulls(model: Any, data: Any) -> bool:
+    """True where a robot at rest needs torque against gravity somewhere."""
+    places = np.random.default_rng(2).uniform(-1, 1, (20, model.nv))
+    still = np.zeros_like(places)
+    return bool(np.abs(_full_regressor(model, data, places, still, still)).max() > _NEGLIGIBLE)
 
 
 def _extent(model: Any, data: Any, frame: int) -> Floats:

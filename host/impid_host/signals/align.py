@@ -8,7 +8,7 @@ import numpy as np
 from impid_host.clock.robot import RobotClockFit, match_clocks
 from impid_host.errors import UndeterminedError
 from impid_host.robot.model import RobotModel
-from impid_host.samples import DeviceSamples
+from impid_host.samples import ModuleSamples, rows_of
 from impid_host.signals.arrays import Floats, Mask
 from impid_host.signals.chain import Chain, erode
 from impid_host.signals.counts import joint_angles, longest_run, specific_force, usable_samples
@@ -76,7 +76,7 @@ class _Raw:
     clock: RobotClockFit | None
 
 
-def device_angles(device: DeviceSamples, setup: Setup) -> tuple[Floats, Floats]:
+def device_angles(device: ModuleSamples, setup: Setup) -> tuple[Floats, Floats]:
     """Times (N,), s, and angles (N, n) of the module's longest run without a reset or encoder fault.
 
     Raises:
@@ -136,7 +136,9 @@ def align(
         UndeterminedError: the clocks cannot be matched, there is no accelerometer though it was asked for,
             or less than 2 s remain.
     """
-    measured = trial.device is not None and setup.accelerometer is not None and model.joints == 2
+    # Two axes of acceleration give as many joints' accelerations as move the end-effector in their plane.
+    planar = model.joints == len(model.task_axes) == 2
+    measured = trial.device is not None and setup.accelerometer is not None and planar
     if source == "accelerometer" and not measured:
         raise UndeterminedError(
             f"trial {trial.name}: no accelerometer beside this robot model; use --acceleration angles"
@@ -213,15 +215,13 @@ def joint_acceleration(a: Floats, J: Floats, J_rate: Floats, omega: Floats) -> F
     return result
 
 
-def _run(device: DeviceSamples) -> DeviceSamples:
+def _run(device: ModuleSamples) -> ModuleSamples:
     if len(device) == 0:
         raise UndeterminedError("device.csv has no samples")
-    part = longest_run(device)
-    names = ("t_us", "seq", "ax", "ay", "enc1", "enc2", "flags")
-    return DeviceSamples(**{name: getattr(device, name)[part] for name in names})
+    return rows_of(device, longest_run(device))
 
 
-def _on_device_clock(trial: Trial, device: DeviceSamples, setup: Setup) -> _Raw:
+def _on_device_clock(trial: Trial, device: ModuleSamples, setup: Setup) -> _Raw:
     if setup.encoder is None:
         raise UndeterminedError("setup.toml has no [encoder]; add counts_per_rev, zero_rad and direction")
     clock = match_trial(trial, setup)

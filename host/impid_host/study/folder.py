@@ -62,6 +62,7 @@ def read_trial(path: Path | str, setup: Setup) -> Trial:
         on=head.on,
         payload_kg=head.payload_kg,
         note=head.note,
+        session=head.session,
     )
 
 

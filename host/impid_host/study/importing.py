@@ -94,6 +94,7 @@ def _import_trial(path: Path, rule: TrialRule, mapping: Mapping, index: int) -> 
         on=head.on,
         payload_kg=head.payload_kg,
         note=head.note,
+        session=head.session,
     )
 
 

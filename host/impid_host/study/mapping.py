@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import Field, model_validator
 
 from impid_host.errors import InputError
+from impid_host.robot.model import ROBOTS
 from impid_host.study.csv_table import CsvDialect
 from impid_host.study.model import RobotModelName, Setup
 from impid_host.study.quantities import UnitError, factor_to_si, si_unit
@@ -143,9 +144,10 @@ def _own_columns(trial: dict[str, Any]) -> list[str]:
 
 
 def _joints(model: RobotModelName, columns: list[str]) -> int:
-    if model == "urdf":
-        return max((i for i in range(1, 65) if f"theta{i}" in columns), default=1)
-    return 1 if model in ("slide-1d", "joint-1d") else 2
+    declared = ROBOTS[model].joints
+    if declared is not None:
+        return declared
+    return max((i for i in range(1, 65) if f"theta{i}" in columns), default=1)
 
 
 def _trial_rule(

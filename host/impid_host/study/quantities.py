@@ -4,6 +4,7 @@ from functools import cache
 
 import pint
 
+from impid_host.robot.model import ROBOTS
 from impid_host.study.model import RobotModelName
 
 _NAMES = {"s": "a time", "rad": "an angle", "m": "a length", "N": "a force", "N*m": "a torque"}
@@ -20,9 +21,9 @@ def si_unit(column: str, model: RobotModelName) -> str:
     if column == "sync":
         return ""
     if column.startswith("theta"):
-        return "m" if model == "slide-1d" else "rad"
+        return "m" if ROBOTS[model].slides else "rad"
     if column.startswith("tau"):
-        return "N" if model == "slide-1d" else "N*m"
+        return "N" if ROBOTS[model].slides else "N*m"
     return "N"
 
 

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from impid_host.robot.model import ROBOTS
 from impid_host.study.csv_table import read_columns, read_header, write_columns
 from impid_host.study.model import RobotLog, RobotModelName
 from impid_host.study.robot_log import FORCE_PAIRS, log_columns, robot_log
@@ -14,15 +15,14 @@ _FLOAT = np.dtype(np.float64)
 
 
 def joint_count(model: RobotModelName, columns: list[str]) -> int:
-    """How many joints a log of this robot model has; a URDF robot's are counted in the columns."""
-    if model in ("slide-1d", "joint-1d"):
-        return 1
-    if model == "urdf":
-        n = 0
-        while f"theta{n + 1}" in columns:
-            n += 1
-        return max(n, 1)
-    return 2
+    """How many joints a log of this robot model has; where the model does not say, columns are counted."""
+    declared = ROBOTS[model].joints
+    if declared is not None:
+        return declared
+    n = 0
+    while f"theta{n + 1}" in columns:
+        n += 1
+    return max(n, 1)
 
 
 def read_robot_log(path: Path, model: RobotModelName) -> RobotLog:

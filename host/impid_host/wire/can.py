@@ -14,8 +14,8 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from impid_host.samples import FLAG_RESET
-from impid_host.wire.decoder import LinkCounts, device_samples, rows_of, scalars
+from impid_host.samples import FLAG_RESET, rows_of
+from impid_host.wire.decoder import LinkCounts, device_samples, scalars
 from impid_host.wire.messages import (
     ACCEL,
     ENCODER,

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from impid_host.samples import DeviceSamples
+from impid_host.samples import DeviceSamples, rows_of
 from impid_host.wire.deframer import Deframer, FrameCounts, Frames
 from impid_host.wire.messages import (
     ACCEL,
@@ -159,14 +159,6 @@ def device_samples(
         enc1=_counter(accel["enc1_high4"], encoder["enc1_low28"]),
         enc2=_counter(accel["enc2_high4"], encoder["enc2_low28"]),
         flags=accel["flags"].astype(np.uint8),
-    )
-
-
-def rows_of(samples: DeviceSamples, rows: slice) -> DeviceSamples:
-    """Some consecutive samples."""
-    s = samples
-    return DeviceSamples(
-        s.t_us[rows], s.seq[rows], s.ax[rows], s.ay[rows], s.enc1[rows], s.enc2[rows], s.flags[rows]
     )
 
 
