@@ -12,7 +12,6 @@ from impid_host.diagnosis.oddities import Oddity, odd_rows
 from impid_host.effects.effect import Setting
 from impid_host.effects.view import View, rate_of, rotated
 from impid_host.errors import UndeterminedError
-from impid_host.impedance.loads import ROTARY_AXES
 from impid_host.robot.model import RobotModel
 from impid_host.signals.align import device_angles, robot_rows, sensor_angle
 from impid_host.signals.arrays import Floats, Mask
@@ -46,7 +45,7 @@ def views(study: Study, model: RobotModel) -> tuple[list[View], list[Oddity]]:
         result.append(view_of(trial, study.setup, model, bad))
         oddities += found
     cutoff = band_hz(result)
-    if tuple(model.task_axes) == ROTARY_AXES:
+    if model.task_is_rotary:
         cutoff = quick_band_hz(result)
         report = max(PUBLISHED_CUTOFF_HZ, cutoff if cutoff > WIDEST_HZ else 0.0)
         return [replace(view, cutoff_hz=cutoff, report_hz=report) for view in result], oddities
@@ -107,31 +106,40 @@ def view_of(trial: Trial, setup: Setup, model: RobotModel, bad: Mask) -> View:
         K=np.zeros((axes, axes)),
         valid=valid[some],
         model=model,
+        zero_rad=np.zeros(model.joints) if setup.encoder is None else np.array(setup.encoder.zero_rad),
     )
 
 
-def setting_of(parts: Sequence[View], base: Base) -> Setting:
-    """What of the apparatus and the motion decides which candidates make sense."""
+def setting_of(parts: Sequence[View], base: Base, *, referenced: bool) -> Setting:
+    """What of the apparatus and the motion decides which terms make sense.
+
+    Args:
+        referenced: a weighed payload or an earlier robot is known.
+    """
     model = base.model
     theta = np.concatenate([view.theta[view.valid] for view in parts])
     omega = np.concatenate([np.abs(view.omega[view.valid]) for view in parts])
-    reach = max((float(np.ptp(view.x[view.valid], axis=0).max()) for view in parts if view.load), default=0.0)
-    planar = len(model.task_axes) == 2
+    loaded = [view for view in parts if view.load is not None]
     return Setting(
         joints=model.joints,
         slides=model.prismatic,
-        planar=planar,
+        planar=len(model.task_axes) == 2,
         axes=len(model.task_axes),
-        rotary_load=tuple(model.task_axes) == ROTARY_AXES,
+        rotary_load=model.task_is_rotary,
         bare=base.bare,
+        gravity=model.has_gravity,
+        links_m=model.link_lengths_m,
         span=np.maximum(np.ptp(theta, axis=0), 1e-6),
         speed=np.maximum(np.percentile(omega, 95, axis=0), 1e-6),
-        reach=reach,
-        springs=tuple(sorted({view.load for view in parts if view.load and view.kind == "mass-spring"})),
-        arms=tuple(sorted({view.load for view in parts if view.load and view.kind == "arm"})),
+        reach=max((float(np.ptp(view.x[view.valid], axis=0).max()) for view in loaded), default=0.0),
+        springs=tuple(sorted({str(view.load) for view in loaded if view.kind == "mass-spring"})),
+        arms=tuple(sorted({str(view.load) for view in loaded if view.kind == "arm"})),
+        trials=tuple(view.name for view in parts),
+        loaded=tuple(view.name for view in loaded),
         accelerometer=any(view.measured is not None for view in parts),
         second_clock=any(view.theta_robot is not None for view in parts),
-        force_sensor=any(view.force is not None and view.load for view in parts),
+        force_sensor=any(view.force is not None for view in loaded),
+        referenced=referenced,
         duration_s=max(float(view.t[-1]) for view in parts),
     )
 

@@ -22,7 +22,7 @@ def terms(setting: Setting, without: Sequence[str] = ()) -> list[Term]:
         without: names of effects that the model holds already.
     """
     return [
-        _with_units(term, own_units(effect, term, setting))
+        replace(term, units=own_units(effect, term, setting))
         for effect in CATALOGUE.values()
         if effect.name not in without
         for term in effect.terms(setting)
@@ -38,10 +38,3 @@ def telling_trial(labels: Sequence[str]) -> str:
             if other != name and other in known:
                 return known[other]
     return next((CATALOGUE[name].tells[""] for name in names if name in CATALOGUE and "" in CATALOGUE[name].tells), _ANY_TRIAL)
-
-
-def _with_units(term: Term, units: dict[str, str]) -> Term:
-    finer = term.finer
-    if finer is None:
-        return replace(term, units=units)
-    return replace(term, units=units, finer=lambda fine: _with_units(finer(fine), units))

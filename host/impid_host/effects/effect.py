@@ -114,8 +114,7 @@ class Term:
         units: of the reported parameters, where they differ from the catalogue's.
         undo: takes the effect out of a trial exactly, where subtracting its columns would not.
         by_model: its columns follow the present model, which follows its parameters in turn.
-        finer: the same effect with one positive parameter more, too fine to choose by, but whose neglect
-            would bias the others; fines: where to begin looking for it.
+        fine: the shape is too fine to be reported, but its neglect would bias the others.
         own: trials or loads that have a value each, in the order of the blocks of beta; empty where one is for all.
         holds: labels of effects that the term contains by its equation, so that nobody can say whether they are there.
     """
@@ -133,8 +132,7 @@ class Term:
     units: Mapping[str, str] = field(default_factory=dict)
     undo: Undo | None = None
     by_model: bool = False
-    finer: "Callable[[float], Term] | None" = None
-    fines: tuple[float, ...] = ()
+    fine: bool = False
     own: tuple[str, ...] = ()
     holds: tuple[str, ...] = ()
 

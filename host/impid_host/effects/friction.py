@@ -4,9 +4,8 @@ Armstrong-Helouvry, Dupont and Canudas de Wit, "A survey of models, analysis too
 for the control of machines with friction", Automatica 30 (1994).
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
-from functools import partial
 from itertools import pairwise
 
 import numpy as np
@@ -16,6 +15,7 @@ from impid_host.effects.effect import (
     Parameter,
     Setting,
     Term,
+    Value,
     amplitude_phase,
     in_some_trials,
     joint_name,
@@ -26,7 +26,8 @@ from impid_host.effects.view import Columns, View
 from impid_host.signals.arrays import Floats
 
 _SOURCE = "Armstrong-Helouvry et al. 1994"
-_FINES = (1e-4, 1e-3, 1e-2)  # of the range of the joint: a contact bends so far before it slides
+_BENDS = (0.0, 1e-4, 3e-4, 1e-3, 3e-3)  # of the range of the joint: any contact bends a little before it slides
+_BEND = 5e-4  # where another parameter is sought
 _WIDTHS = (0.01, 0.02, 0.04, 0.08, 0.16, 0.32)  # of the range: friction that is a spring until it slides
 
 
@@ -58,58 +59,53 @@ def dahl(position: Floats, width: float) -> Floats:
     return result
 
 
-def _bending(term: Term, columns: Callable[..., Columns], span: float) -> Term:
-    """The term with the contact's bend as what the last fit may add to it."""
-    fines = tuple(part * span for part in _FINES)
-
-    def finer(bend: float) -> Term:
-        return replace(term, columns=partial(columns, bend=bend), finer=finer, fines=fines)
-
-    return replace(term, finer=finer, fines=fines)
+def _bends(setting: Setting, joint: int) -> tuple[float, ...]:
+    return tuple(float(part * setting.span[joint]) for part in _BENDS)
 
 
 def _coulomb(setting: Setting) -> Iterator[Term]:
     for joint in range(setting.joints):
 
-        def columns(view: View, _shape: float, joint: int = joint, bend: float = 0.0) -> Columns:
+        def columns(view: View, bend: float, joint: int = joint) -> Columns:
             return on_joint(view, joint, direction(view, joint, bend))
 
         plain = Term(
             "friction.coulomb",
             (joint_name(joint),),
             columns,
-            lambda beta, _shape: {"torque": float(beta[0])},
+            lambda beta, _bend: {"torque": float(beta[0])},
+            shapes=_bends(setting, joint),
+            fine=True,
         )
-        for term in in_some_trials(plain, setting, "load", "free"):
-            yield _bending(term, columns, float(setting.span[joint]))
+        yield from in_some_trials(plain, setting, "load", "free")
 
 
 def _stribeck(setting: Setting) -> Iterator[Term]:
     for joint in range(setting.joints):
+        bend = float(_BEND * setting.span[joint])
 
-        def columns(view: View, speed: float, joint: int = joint, bend: float = 0.0) -> Columns:
+        def columns(view: View, speed: float, joint: int = joint, bend: float = bend) -> Columns:
             omega = view.omega[:, joint]
             return on_joint(view, joint, direction(view, joint, bend) * np.exp(-((omega / speed) ** 2)))
 
-        plain = Term(
+        yield Term(
             "friction.stribeck",
             (joint_name(joint),),
             columns,
             lambda beta, speed: {"torque": float(beta[0]), "speed": speed},
             shapes=tuple(float(setting.speed[joint] * part) for part in np.geomspace(0.02, 0.6, 9)),
         )
-        yield _bending(plain, columns, float(setting.span[joint]))
 
 
 def _asymmetric(setting: Setting) -> Iterator[Term]:
     for joint in range(setting.joints):
         place = joint_name(joint)
 
-        def columns(view: View, _shape: float, joint: int = joint, bend: float = 0.0) -> Columns:
+        def columns(view: View, bend: float, joint: int = joint) -> Columns:
             way = direction(view, joint, bend)
             return on_joint(view, joint, np.maximum(way, 0), np.minimum(way, 0))
 
-        def sloped(view: View, _shape: float, joint: int = joint, bend: float = 0.0) -> Columns:
+        def sloped(view: View, bend: float, joint: int = joint) -> Columns:
             way, omega = direction(view, joint, bend), view.omega[:, joint]
             return on_joint(view, joint, np.maximum(way, 0), np.minimum(way, 0), np.abs(omega))
 
@@ -117,15 +113,16 @@ def _asymmetric(setting: Setting) -> Iterator[Term]:
             "friction.asymmetric",
             (place,),
             columns,
-            lambda beta, _shape: {"torque_pos": float(beta[0]), "torque_neg": float(beta[1])},
+            lambda beta, _bend: {"torque_pos": float(beta[0]), "torque_neg": float(beta[1])},
             size=2,
+            shapes=_bends(setting, joint),
+            fine=True,
             gate=_one_way,
             # While a joint moves, unequal dry friction is equal dry friction beside a constant torque.
             holds=(f"friction.coulomb@{place}", f"actuator.offset@{place}"),
         )
-        yield _bending(plain, columns, float(setting.span[joint]))
-        unequal = replace(plain, columns=sloped, read=_read_sloped, size=3, variant="slopes too")
-        yield _bending(unequal, sloped, float(setting.span[joint]))
+        yield plain
+        yield replace(plain, columns=sloped, read=_read_sloped, size=3, variant="slopes too")
 
 
 def _one_way(beta: Floats, _shape: float) -> bool:
@@ -133,7 +130,7 @@ def _one_way(beta: Floats, _shape: float) -> bool:
     return bool(min(beta[:2]) > -0.05 * max(beta[:2]) and max(beta[:2]) > 0)
 
 
-def _read_sloped(beta: Floats, _shape: float) -> dict[str, float]:
+def _read_sloped(beta: Floats, _shape: float) -> dict[str, Value]:
     """The slopes are what is to be added to the model's viscous friction in either direction."""
     pos, neg, slope = map(float, beta)
     return {"torque_pos": pos, "torque_neg": neg, "viscous_pos": slope, "viscous_neg": -slope}
@@ -156,13 +153,14 @@ def _quadratic(setting: Setting) -> Iterator[Term]:
 
 def _position(setting: Setting) -> Iterator[Term]:
     for joint in range(setting.joints):
+        bend = float(_BEND * setting.span[joint])
         for variant in ("dry", "viscous"):
 
             def columns(
                 view: View,
                 period: float,
                 joint: int = joint,
-                bend: float = 0.0,
+                bend: float = bend,
                 *,
                 viscous: bool = variant == "viscous",
             ) -> Columns:
@@ -170,7 +168,7 @@ def _position(setting: Setting) -> Iterator[Term]:
                 drag = view.omega[:, joint] if viscous else direction(view, joint, bend)
                 return on_joint(view, joint, drag * np.cos(angle), drag * np.sin(angle))
 
-            plain = Term(
+            yield Term(
                 "friction.position",
                 (joint_name(joint),),
                 columns,
@@ -179,10 +177,9 @@ def _position(setting: Setting) -> Iterator[Term]:
                 shapes=tuple(float(setting.span[joint] * part) for part in np.geomspace(0.12, 4.0, 18)),
                 variant=variant,
             )
-            yield plain if variant == "viscous" else _bending(plain, columns, float(setting.span[joint]))
 
 
-def _read_position(beta: Floats, period: float) -> dict[str, float]:
+def _read_position(beta: Floats, period: float) -> dict[str, Value]:
     amplitude, phase = amplitude_phase(beta[0], beta[1])
     return {"amplitude": amplitude, "period_rad": period, "phase_rad": phase}
 
@@ -242,7 +239,7 @@ def stop(position: Floats, width: float) -> Floats:
     return result
 
 
-def _read_presliding(beta: Floats, width: float) -> dict[str, float]:
+def _read_presliding(beta: Floats, width: float) -> dict[str, Value]:
     return {"torque": float(np.sum(beta)), "width_rad": width}
 
 
@@ -269,8 +266,8 @@ EFFECTS = (
         "tau += torque_pos where omega > 0, -torque_neg where omega < 0",
         "robot",
         (
-            Parameter("torque_pos", "N*m", 0),
-            Parameter("torque_neg", "N*m", 0),
+            Parameter("torque_pos", "N*m"),
+            Parameter("torque_neg", "N*m"),
             Parameter("viscous_pos", "N*m*s/rad"),
             Parameter("viscous_neg", "N*m*s/rad"),
         ),

@@ -1,16 +1,15 @@
-"""Linear dynamics without a cause: a torque that follows the motion by any response in frequency.
+"""Linear dynamics without a cause: a signal that follows the motion by any response in frequency.
 
-A resonance, a leaky filter, a compliance of the wrong sign: none is in the catalogue, and all of them look a
-little like springs, delays and masses that are.
+A resonance, a leaky filter, a compliance of the wrong sign, a bracket that rings: none is in the catalogue, and all
+of them look a little like springs, delays and masses that are.
 """
 
 from collections.abc import Iterator
 
 import numpy as np
 
-from impid_host.diagnosis.result import UNATTRIBUTED
-from impid_host.effects.effect import Candidate, Setting, at_tip, on_joint
-from impid_host.effects.view import Columns, View
+from impid_host.effects.effect import UNATTRIBUTED, Setting, Term, along, at_tip, on_joint
+from impid_host.effects.view import SPECIFIC_FORCE, Columns, View
 from impid_host.signals.arrays import Floats
 
 NODES_HZ = (0.3, 0.6, 0.9, 1.25, 1.6, 2.0, 2.6, 3.4, 4.5)
@@ -19,31 +18,39 @@ _ENDS_HZ = (0.0, 6.0)
 RESPONSE = "response"
 
 
-def response_candidates(setting: Setting) -> Iterator[Candidate]:
-    """Each joint's torque after its own acceleration; each component of the end-effector's force likewise."""
+def response_terms(setting: Setting) -> Iterator[Term]:
+    """Each joint's torque after its own acceleration; the end-effector's force and the accelerometer likewise."""
     for joint in range(setting.joints):
 
         def own(view: View, _shape: float, joint: int = joint) -> Columns:
             return on_joint(view, joint, *filtered(view.acc[:, joint], view.dt))
 
-        yield _candidate(f"tau{joint + 1}", own, f"theta{joint + 1}")
+        yield _term(f"tau{joint + 1}", own, f"theta{joint + 1}")
     if not setting.planar:
         return
-    for axes in ((0,), (1,), (0, 1)):
+    for axes in ((0,), (1,), (0, 1)) if setting.loads else ():
 
         def pulled(view: View, _shape: float, axes: tuple[int, ...] = axes) -> Columns:
             if view.load is None:
                 return {}
-            bands = [_along(view, axis, c) for axis in axes for c in filtered(view.a[:, axis], view.dt)]
-            return at_tip(view, *bands)
+            return at_tip(view, *(along(c, axis) for axis in axes for c in filtered(view.a[:, axis], view.dt)))
 
         letters = ["xy"[axis] for axis in axes]
-        yield _candidate(f"f{letters[0]}", pulled, " and ".join(letters), len(axes))
+        yield _term(f"f{letters[0]}", pulled, " and ".join(letters), len(axes))
+    for axis in (0, 1) if setting.accelerometer else ():
+
+        def felt(view: View, _shape: float, axis: int = axis) -> Columns:
+            if view.predicted is None:
+                return {}
+            bands = [along(c, axis) for c in filtered(view.predicted[:, axis], view.dt)]
+            return {SPECIFIC_FORCE: np.stack(bands, axis=2)}
+
+        yield _term(f"acc_{'xy'[axis]}", felt, "xy"[axis])
 
 
-def is_response(candidate: Candidate) -> bool:
-    """Whether it is one of these, and not a part of another."""
-    return candidate.variant.startswith(RESPONSE) and not candidate.variant.endswith((" x", " to y"))
+def is_response(term: Term) -> bool:
+    """Whether it is one of these."""
+    return term.variant.startswith(RESPONSE)
 
 
 def filtered(values: Floats, dt: float) -> list[Floats]:
@@ -63,14 +70,8 @@ def filtered(values: Floats, dt: float) -> list[Floats]:
     return result
 
 
-def _along(view: View, axis: int, column: Floats) -> Floats:
-    force = np.zeros_like(view.x)
-    force[:, axis] = column
-    return force
-
-
-def _candidate(on: str, columns: object, of: str, signals: int = 1) -> Candidate:
-    return Candidate(
+def _term(on: str, columns: object, of: str, signals: int = 1) -> Term:
+    return Term(
         UNATTRIBUTED,
         (on, "frequency"),
         columns,  # type: ignore[arg-type]
