@@ -67,14 +67,11 @@ def command(study: Path, json_to: str | None, figures: Path | None, save_model: 
 def show(answer: Diagnosis) -> None:
     """Print the answer for people."""
     console = table_console()
+    console.print(answer.verdict[:1].upper() + answer.verdict[1:] + ".")
     console.print(stage_table(answer))
     if len(answer.stages) > 1:
         console.print(effect_table(answer))
         console.print(parameter_table(answer))
-    elif not answer.above_noise_floor:
-        console.print("Nothing is missing: the papers' model explains these data down to the noise.")
-    elif not answer.structure:
-        console.print("More than noise is left, and nothing tells what it depends on.")
     for row in answer.structure:
         console.print(f"No known effect explains this: {structure_words(row, answer)}")
     for tie in answer.ambiguous:

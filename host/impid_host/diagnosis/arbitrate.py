@@ -15,6 +15,7 @@ from impid_host.diagnosis.result import Chosen, Number, Stage, Tie
 from impid_host.diagnosis.search import RULES
 from impid_host.diagnosis.stages import Bench
 from impid_host.diagnosis.ties import Rivals, rivals
+from impid_host.effects.bounds import possible
 from impid_host.effects.catalogue import CATALOGUE, telling_trial
 
 _MATERIAL = 0.005  # of a matrix's largest entry: nobody would report a difference below
@@ -33,6 +34,34 @@ class Verdict:
     ties: tuple[Tie, ...]
     open_slots: tuple[int, ...]
     covering: Stage | None
+
+
+def exactly_compared(
+    choice: Choice, bench: Bench, named: Mapping[int, Chosen], fit: Refit
+) -> tuple[Choice, dict[int, Chosen], Refit]:
+    """Each name exchanged for a rival that is alike to first order, where the exact refits prefer the rival."""
+    kept = dict(named)
+    for own in rivals(choice.walk, choice.best):
+        if own.slot not in kept:
+            continue
+        best, slot, part = fit, own.slot, kept[own.slot]
+        for rival in own.others:
+            tried = _as_chosen(choice, own.slot, rival)
+            other = bench.fit([tried if s == own.slot else p for s, p in kept.items()])
+            fewer = tried.term.parameters <= part.term.parameters
+            if fewer and other.squares < best.squares - 1.0 and _stands(other):
+                best, slot, part = other, rival, tried
+        if slot != own.slot:
+            kept = {slot if s == own.slot else s: part if s == own.slot else p for s, p in kept.items()}
+            everything = tuple(slot if s == own.slot else s for s in choice.best.slots)
+            names = tuple(slot if s == own.slot else s for s in choice.named)
+            choice = replace(choice, best=choice.walk.score(everything), named=names)
+            fit = best
+    return choice, kept, fit
+
+
+def _stands(fit: Refit) -> bool:
+    return all(possible(part.term, part.beta, part.shape) for part in fit.chosen)
 
 
 def arbitrated(choice: Choice, bench: Bench, chosen: Mapping[int, Chosen], fit: Refit) -> Verdict:
@@ -74,20 +103,21 @@ def _members(
     """The rivals whose exact refit is not clearly worse, with what they would report."""
     result = []
     for slot, se in zip(own.others, own.se, strict=True):
-        entry = choice.table.slots[slot]
-        term = entry.term if entry.term.shaped else replace(entry.term, shapes=(entry.shape,))
-        size = term.size
-        rival = Chosen(term, entry.shape, _start(choice, own.slot, slot), np.eye(size))
+        rival = _as_chosen(choice, own.slot, slot)
         other = bench.fit([*(part for s, part in chosen.items() if s != own.slot), rival])
         worse = 0.5 * (other.squares - fit.squares)
-        if worse < max(RULES.close_sigmas * se, RULES.close_nats):
-            result.append((bench.stage(other, None), term.label))
+        if worse < max(RULES.close_sigmas * se, RULES.close_nats) and _stands(other):
+            result.append((bench.stage(other, None), rival.term.label))
     return result
 
 
-def _start(choice: Choice, slot: int, rival: int) -> np.ndarray:
+def _as_chosen(choice: Choice, slot: int, rival: int) -> Chosen:
+    """A rival in the slot's place, with the value that the search has for it."""
+    entry = choice.table.slots[rival]
+    term = entry.term if entry.term.shaped else replace(entry.term, shapes=(entry.shape,))
     rest = tuple(s for s in choice.best.slots if s != slot)
-    return choice.walk.score((*rest, rival)).beta[-choice.table.term(rival).size :]
+    beta = choice.walk.score((*rest, rival)).beta[-term.size :]
+    return Chosen(term, entry.shape, beta, np.eye(term.size))
 
 
 def _differ(stages: Sequence[Stage]) -> bool:

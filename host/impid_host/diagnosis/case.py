@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from impid_host.diagnosis.base import Base, base_of, structure_of
-from impid_host.diagnosis.holdout import FIT, Holdout, hold_out
+from impid_host.diagnosis.holdout import Holdout, hold_out
 from impid_host.diagnosis.noise import Noise, Taps, noise_models, tail_of, whitened
 from impid_host.diagnosis.oddities import Oddity
 from impid_host.diagnosis.prepare import setting_of, views
@@ -98,7 +98,8 @@ def tabulated(case: Case, noise: Noise | None = None, progress: Progress = silen
     taps = noise.taps if noise is not None else noise_models(raw, columns_of(saturated(case.base, slots, rows)))
 
     def make(fresh: Sequence[Slot]) -> list[Run]:
-        return _with_references(case, whitened(_evaluated(case, used, fresh, silent), taps))
+        runs = [run for view in used for run in rows_of(view, None, fresh, case.holdout)]
+        return _with_references(case, whitened(runs, taps))
 
     white = _with_references(case, whitened(raw, taps))
     del raw
@@ -115,7 +116,7 @@ def _evaluated(case: Case, used: Sequence[View], slots: Sequence[Slot], progress
         nonlocal done
         progress(f"evaluating the catalogue on {view.name}", 0.25 + 0.4 * done / len(used))
         done += 1
-        return rows_of(view, case.base, slots, case.holdout, FIT)
+        return rows_of(view, case.base, slots, case.holdout)
 
     with ThreadPoolExecutor(2) as pool:
         return [run for own in pool.map(rows, used) for run in own]

@@ -6,19 +6,21 @@ from dataclasses import replace
 import numpy as np
 
 from impid_host.diagnosis.allowance import widened
-from impid_host.diagnosis.arbitrate import arbitrated
+from impid_host.diagnosis.arbitrate import arbitrated, exactly_compared
 from impid_host.diagnosis.base import baseline
 from impid_host.diagnosis.case import Case, Progress, prepare, saturated, silent
 from impid_host.diagnosis.choice import Choice, chosen, evidence_of, ordered
 from impid_host.diagnosis.floor import PER_COLUMN, noise_floor, resolution_of
 from impid_host.diagnosis.judge import events_in_sealed, worse
 from impid_host.diagnosis.leftover import odd_structures
+from impid_host.diagnosis.parameters import holds_zero
 from impid_host.diagnosis.refit import Refit
 from impid_host.diagnosis.result import Chosen, Diagnosis, Evidence, Floor, Stage, Structure
 from impid_host.diagnosis.stages import Bench, named_stages, unattributed
 from impid_host.diagnosis.ties import chosen_slots
 from impid_host.diagnosis.traces import traces
 from impid_host.diagnosis.verdict import sentence
+from impid_host.effects.bounds import possible
 from impid_host.signals.chain import PUBLISHED_CUTOFF_HZ
 from impid_host.study.model import Study
 
@@ -36,8 +38,8 @@ def diagnose(study: Study, progress: Progress = silent) -> Diagnosis:
     case = choice.case
     progress("judging on data that took no part", 0.85)
     bench = Bench(case, choice.table.noise.taps, study.setup.handle_mass_kg, study.setup.prior_alpha)
-    named = named_parts(choice)
-    fit = bench.fit(list(named.values()))
+    named, fit = stands(bench, named_parts(choice))
+    choice, named, fit = exactly_compared(choice, bench, named, fit)
     verdict = arbitrated(choice, bench, dict(zip(named, fit.chosen, strict=True)), fit)
     certain = [s for s in named if s not in verdict.open_slots]
     stages, last = named_stages(bench, [named[s] for s in certain], _evidence(choice, certain))
@@ -79,6 +81,22 @@ def named_parts(choice: Choice) -> dict[int, Chosen]:
     """The chosen names, the largest first, with the values of the search."""
     parts = dict(zip(choice.best.slots, chosen_slots(choice.table, choice.best), strict=True))
     return {s: parts[s] for s in ordered(choice)}
+
+
+def stands(bench: Bench, named: Mapping[int, Chosen]) -> tuple[dict[int, Chosen], Refit]:
+    """The names whose parameters are possible once everything is fitted exactly, and the fit of them."""
+    kept = dict(named)
+    while True:
+        fit = bench.fit(list(kept.values()))
+        bad = [
+            s
+            for s, part in zip(kept, fit.chosen, strict=True)
+            if not possible(part.term, part.beta, part.shape) or holds_zero(part)
+        ]
+        if not bad:
+            return kept, fit
+        # The smallest first: what it leaves may bring the others back within their bounds.
+        del kept[bad[-1]]
 
 
 def _evidence(choice: Choice, slots: Sequence[int]) -> list[Evidence]:

@@ -58,25 +58,21 @@ def noise_floor(
         lines_Hz: of what hums, which has no column there.
         resolution: smallest steps in the logs by family, (c,).
     """
-    parts = _parts(case, fit, rich)
-    plain = [run for own in parts.values() for run in own]
+    plain = _runs(case, fit, rich)
     again = [_repeated(repeat, plain[0].step_s) for repeat in repeats(plain, fit.views, fit.base)]
     steps = [_specified(view, resolution or {}) for view in fit.views]
     return Floor(
-        _rms(_noise(fit, parts, lines_Hz), fit, case.base),
+        _rms(_noise(fit, plain, lines_Hz), fit, case.base),
         _rms([part for part in again if part is not None], fit, case.base),
         _rms(steps, fit, case.base),
     )
 
 
-def _parts(case: Case, fit: Refit, rich: Sequence[Slot]) -> dict[str, list[Run]]:
-    """Raw rows of either part with the effects taken out, and the saturated regression's columns."""
+def _runs(case: Case, fit: Refit, rich: Sequence[Slot]) -> list[Run]:
+    """Raw rows of both parts with the effects taken out, and the saturated regression's columns."""
     slots = slots_of([replace(slot.term, shapes=(slot.shape,)) for slot in rich])
     cleaned = [corrected(view, fit.chosen) for view in fit.views]
-    return {
-        part: [run for view in cleaned for run in rows_of(view, case.base, slots, case.holdout, part)]
-        for part in (FIT, SEALED)
-    }
+    return [run for view in cleaned for run in rows_of(view, case.base, slots, case.holdout, (FIT, SEALED))]
 
 
 def _rms(parts: Sequence[_Noise], fit: Refit, base: Base) -> dict[str, float]:
@@ -115,26 +111,24 @@ def _specified(view: View, resolution: Mapping[str, Floats]) -> _Noise:
     return _Noise(view, place, by_family)
 
 
-def _noise(fit: Refit, parts: Mapping[str, Sequence[Run]], lines_Hz: Sequence[float]) -> list[_Noise]:
-    by_key: dict[Key, list[tuple[str, Run, Floats, Floats]]] = {}
-    trials = sorted({run.trial for runs in parts.values() for run in runs})
-    width = max((int(run.used.max()) + 1 for runs in parts.values() for run in runs if len(run.used)), default=0)
+def _noise(fit: Refit, runs: Sequence[Run], lines_Hz: Sequence[float]) -> list[_Noise]:
+    by_key: dict[Key, list[tuple[Run, Floats, Floats]]] = {}
+    trials = sorted({run.trial for run in runs})
+    width = max((int(run.used.max()) + 1 for run in runs if len(run.used)), default=0)
     report = fit.views[0].report_hz
-    for part, runs in parts.items():
-        for run in runs:
-            if run.family == ANGLE:
-                continue
-            hum = _hum(run, trials, lines_Hz, of_fit=part == FIT)
-            stacked = np.column_stack([run.target, run.base, run.columns(np.arange(width)), hum])
-            narrow = _narrow(stacked, run.step_s, report)
-            if narrow is not None:
-                by_key.setdefault(run.key, []).append((part, run, narrow[0], run.begin_s + narrow[1]))
+    for run in runs:
+        if run.family == ANGLE:
+            continue
+        stacked = [run.target, run.base, run.columns(np.arange(width)), _hum(run, trials, lines_Hz)]
+        narrow = _narrow(np.column_stack(stacked), run.step_s, report)
+        if narrow is not None:
+            by_key.setdefault(run.key, []).append((run, narrow[0], run.begin_s + narrow[1]))
     left: dict[str, dict[Key, list[Floats]]] = {}
     for key, own in by_key.items():
-        held = np.concatenate([np.full(len(rows), part == SEALED) for part, _, rows, _ in own])
-        series = _noise_series([rows for _, _, rows, _ in own], held)
-        for (part, run, _, place), noise in zip(own, series, strict=True):
-            if part == SEALED:
+        held = np.concatenate([np.full(len(rows), run.part == SEALED) for run, rows, _ in own])
+        series = _noise_series([rows for _, rows, _ in own], held)
+        for (run, _, place), noise in zip(own, series, strict=True):
+            if run.part == SEALED:
                 left.setdefault(run.trial, {}).setdefault(key, []).append(np.column_stack([place, noise]))
     views = {view.name: view for view in fit.views}
     return [_of_trial(views[trial], channels) for trial, channels in left.items()]
@@ -151,14 +145,14 @@ def _of_trial(view: View, channels: Mapping[Key, Sequence[Floats]]) -> _Noise:
     return _Noise(view, place, by_family)
 
 
-def _hum(run: Run, trials: Sequence[str], lines_Hz: Sequence[float], *, of_fit: bool) -> Floats:
+def _hum(run: Run, trials: Sequence[str], lines_Hz: Sequence[float]) -> Floats:
     """Lines in either part of each trial by themselves, growing or waning: columns, (N, k)."""
     t = run.times
     block = np.zeros((len(t), 2 * len(trials), 4 * len(lines_Hz)))
     for k, frequency in enumerate(lines_Hz):
         c, s = np.cos(2 * np.pi * frequency * t), np.sin(2 * np.pi * frequency * t)
         u = (t - t.mean()) / max(float(np.ptp(t)), 1e-9)
-        place = 2 * trials.index(run.trial) + of_fit
+        place = 2 * trials.index(run.trial) + (run.part == FIT)
         block[:, place, 4 * k : 4 * k + 4] = np.stack([c, s, u * c, u * s], axis=1)
     return block.reshape(len(t), -1)
 

@@ -27,7 +27,7 @@ def events_in_sealed(case: Case, fit: Refit, taps: Taps) -> list[Event]:
         [
             run
             for view in fit.views
-            for run in rows_of(corrected(view, fit.chosen), case.base, [], case.holdout, SEALED)
+            for run in rows_of(corrected(view, fit.chosen), case.base, [], case.holdout, (SEALED,))
         ],
         taps,
     )

@@ -10,6 +10,7 @@ from decimal import Decimal
 import numpy as np
 
 from impid_host.diagnosis.base import Base
+from impid_host.diagnosis.holdout import FIT
 from impid_host.diagnosis.rows import REFERENCE, Run
 from impid_host.signals.arrays import Floats
 from impid_host.study.model import Study
@@ -42,7 +43,7 @@ def reference_run(base: Base, study: Study) -> Run | None:
     for k, (column, _, sd) in enumerate(rows):
         design[k, column] = 1.0 / sd
     none = np.zeros(0, dtype=np.intp)
-    return Run("", REFERENCE, 0, 0.0, 0.0, target, design, none, np.zeros((len(rows), 0)))
+    return Run("", REFERENCE, 0, FIT, 0.0, 0.0, target, design, none, np.zeros((len(rows), 0)))
 
 
 def _payload_rows(

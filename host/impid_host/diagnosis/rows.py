@@ -44,6 +44,7 @@ class Run:
     trial: str
     family: str
     channel: int
+    part: str
     begin_s: float
     step_s: float
     target: Floats
@@ -106,29 +107,36 @@ def decimator(view: View) -> Decimator:
     return Decimator(step, signal.firwin(2 * half + 1, view.cutoff_hz, fs=view.rate_hz, window=("kaiser", 6.0)))
 
 
-def rows_of(view: View, base: Base, slots: Sequence[Slot], holdout: Holdout, part: str = FIT) -> list[Run]:
-    """All rows of one part of a trial."""
+def rows_of(
+    view: View, base: Base | None, slots: Sequence[Slot], holdout: Holdout, parts: Sequence[str] = (FIT,)
+) -> list[Run]:
+    """All rows of some parts of a trial; without a base the columns of the slots alone, targets zero."""
     lower = decimator(view)
-    kept = _stretches(settled(holdout.mask(view, part), view.rate_hz, _EDGE_S)[:: lower.step])
+    kept = [
+        (part, rows)
+        for part in parts
+        for rows in _stretches(settled(holdout.mask(view, part), view.rate_hz, _EDGE_S)[:: lower.step])
+    ]
     if not kept:
         return []
     measured = targets(view)
-    by_family = {family: lower(block) for family, block in base.columns(view).items()}
+    by_family = {} if base is None else {family: lower(block) for family, block in base.columns(view).items()}
+    size = 0 if base is None else base.size
     columns = _low_columns(view, slots, measured, lower)
     runs = []
+    count = -(-len(view.t) // lower.step)
     for family in FAMILIES:
         if family not in measured:
             continue
-        target = lower(measured[family])
+        target = lower(measured[family]) if base is not None else np.zeros((count, measured[family].shape[1]))
         own = by_family.get(family)
         for channel in range(target.shape[1]):
             place, design = _used(columns.get(family, []), channel, len(target))
-            model = np.zeros((len(target), base.size)) if own is None else own[:, channel]
-            for rows in kept:
+            model = np.zeros((count, size)) if own is None else own[:, channel]
+            for part, rows in kept:
                 begin, step_s = float(view.t[rows[0] * lower.step]), lower.step * view.dt
-                runs.append(
-                    Run(view.name, family, channel, begin, step_s, target[rows, channel], model[rows], place, design[rows])
-                )
+                own_rows = (target[rows, channel], model[rows], place, design[rows])
+                runs.append(Run(view.name, family, channel, part, begin, step_s, *own_rows))
     return _without_clock_match(runs, view, lower) if ANGLE in measured else runs
 
 
@@ -194,8 +202,9 @@ def _without_clock_match(runs: list[Run], view: View, lower: Decimator) -> list[
     if not angle:
         return runs
     wanted = np.unique(np.concatenate([run.used for run in angle]))
-    N = np.concatenate(nuisance)
-    Z = np.concatenate([np.column_stack([run.target, run.columns(wanted)]) for run in angle])
+    fit = [k for k, run in enumerate(angle) if run.part == FIT] or list(range(len(angle)))
+    N = np.concatenate([nuisance[k] for k in fit])
+    Z = np.concatenate([np.column_stack([angle[k].target, angle[k].columns(wanted)]) for k in fit])
     size = np.linalg.norm(N, axis=0) + 1e-300
     gain = np.linalg.lstsq(N / size, Z, rcond=1e-10)[0] / size[:, None]
     result = [run for run in runs if run.family != ANGLE]

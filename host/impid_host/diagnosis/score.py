@@ -63,10 +63,11 @@ def difference(one: Explanation, other: Explanation) -> Difference:
 def explanation(table: Table, slots: Sequence[int]) -> Explanation:
     """The set of terms, scored."""
     columns = table.columns(slots)
-    scale = np.sqrt(np.maximum(np.diag(table.G)[1 + columns], 1e-300))
     grams = unit_grams(table, columns)
     p = table.runs[0].base.shape[1]
-    size = np.concatenate([np.ones(1 + p), scale])
+    size = np.sqrt(np.maximum(np.einsum("uii->i", grams), 1e-300))
+    size[: 1 + p] = 1.0
+    scale = size[1 + p :]
     grams /= np.outer(size, size)
     density, reference = _predicted(table, grams)
     total = grams.sum(axis=0)

@@ -48,7 +48,8 @@ class Rules:
 
 
 RULES = Rules()
-_FINER = 9
+_FINER = 7
+_WORTH_REFINING = 0.5  # of the best contender's score
 _Kind = tuple[str, tuple[str, ...], str, str]
 
 
@@ -110,6 +111,7 @@ class Walk:
 
     def __post_init__(self) -> None:
         self.visited: dict[tuple[int, ...], Explanation] = {}
+        self.known_shapes: dict[tuple[int, ...], tuple[int, ...]] = {}
 
     def score(self, slots: Sequence[int]) -> Explanation:
         """The set beside those given, scored once."""
@@ -125,8 +127,8 @@ class Walk:
         """The set with each term that predicts clearly better beside it, by an amount that matters."""
         if len(old.slots) >= self.rules.most:
             return
-        for s in self.contenders(old):
-            slots = self.refined((*old.slots, s))
+        for s, promising in self.contenders(old).items():
+            slots = self.refined((*old.slots, s)) if promising else (*old.slots, s)
             new = self.score(slots)
             if not self.is_possible(new) or not clearly_better(new, old, self.rules):
                 continue
@@ -178,7 +180,10 @@ class Walk:
         first = 0
         for s in own.slots:
             slot = self.table.slots[s]
-            if slot.term.named and not possible(slot.term, own.beta[first : first + slot.term.size], slot.shape):
+            beta = own.beta[first : first + slot.term.size]
+            # What is linear about a wrong model may be out of bounds at first; its exact refit may not.
+            inside = slot.term.gate(beta, slot.shape) if slot.term.by_model else possible(slot.term, beta, slot.shape)
+            if slot.term.named and not inside:
                 return False
             first += slot.term.size
         return True
@@ -187,8 +192,12 @@ class Walk:
         """What the term changes is more than nobody would care about."""
         return size_that_matters(self.table, (*self.given, *slots), len(self.given) + place, self.rules)
 
-    def contenders(self, old: Explanation) -> list[int]:
-        """The best slot of each term, by drop of the squares less its BIC penalty, the best few."""
+    def contenders(self, old: Explanation) -> dict[int, bool]:
+        """The best slot of each term, by drop of the squares less its BIC penalty, the best few.
+
+        Returns:
+            slot -> whether its score is of the size of the best one's.
+        """
         taken = {_place(self.table, s) for s in (*self.given, *old.slots)}
         active = (*self.given, *old.slots)
         P = projected(self.table.G, self.table.columns(active))
@@ -200,28 +209,31 @@ class Walk:
             score = 0.5 * (drop(P, self.table.G, slot.columns) - penalty * slot.term.parameters)
             if score > 0:
                 scored.append((score, s))
-        result: dict[_Kind, int] = {}
-        named = unnamed = 0
-        for _, s in sorted(scored, reverse=True):
+        result: dict[int, bool] = {}
+        seen: set[_Kind] = set()
+        room = {True: self.rules.contenders, False: self.rules.contenders // 2}
+        top = max(scored, default=(0.0, 0))[0]
+        for score, s in sorted(scored, reverse=True):
             term = self.table.term(s)
-            if _kind(term) in result:
+            if _kind(term) in seen or room[term.named] == 0:
                 continue
-            if term.named and named < self.rules.contenders:
-                result[_kind(term)] = s
-                named += 1
-            elif not term.named and unnamed < self.rules.contenders // 2:
-                result[_kind(term)] = s
-                unnamed += 1
-        return list(result.values())
+            seen.add(_kind(term))
+            room[term.named] -= 1
+            result[s] = score > _WORTH_REFINING * top
+        return result
 
     def refined(self, slots: Sequence[int]) -> tuple[int, ...]:
         """The set with its non-linear parameters improved, the new one first, one after another."""
+        name = tuple(slots)
+        if name in self.known_shapes:
+            return self.known_shapes[name]
         result = list(slots)
         order = [len(result) - 1, *range(len(result) - 1)]
         for place in order:
             if self.table.term(result[place]).shaped:
                 rest = [*self.given, *(o for k, o in enumerate(result) if k != place)]
                 self.table, result[place] = refined_one(self.table, rest, result[place])
+        self.known_shapes[name] = tuple(result)
         return tuple(result)
 
 

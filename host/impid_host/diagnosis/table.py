@@ -176,8 +176,10 @@ def solve(G: Floats, columns: Index) -> tuple[Floats, float]:
         return np.zeros(0), float(G[0, 0])
     A, b = G[np.ix_(index, index)], G[index, 0]
     size = np.sqrt(np.maximum(np.diag(A), 1e-300))
-    A = A / np.outer(size, size) + _RIDGE * np.eye(len(size))
-    beta = np.linalg.solve(A, b / size) / size
+    # Terms that are alike to first order (a delay, a lag) share what they explain.
+    values, vectors = np.linalg.eigh(A / np.outer(size, size))
+    good = values > _RIDGE * values[-1]
+    beta: Floats = (vectors[:, good] / values[good]) @ (vectors[:, good].T @ (b / size)) / size
     return beta, float(G[0, 0] - b @ beta)
 
 

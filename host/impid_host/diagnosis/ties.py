@@ -39,7 +39,8 @@ def rivals(walk: Walk, best: Explanation) -> list[Rivals]:
         found: dict[str, tuple[int, float]] = {}
         for r in walk.contenders(walk.score(rest)):
             other = walk.table.term(r)
-            if not other.named or same_thing(other, term) or len(found) >= _RIVALS:
+            # What holds the term itself among more is no rival: the rest of it lies idle.
+            if not other.named or same_thing(other, term) or term.label in other.holds or len(found) >= _RIVALS:
                 continue
             slots = walk.refined((*rest, r))
             new = walk.score(slots)

@@ -97,7 +97,7 @@ def _cogging(setting: Setting) -> Iterator[Term]:
         )
         yield ripple
         # Where an incremental encoder finds its zero anew, the phase is another after each power-up.
-        yield each_trial(replace(ripple, shapes=ripple.shapes[::2]), setting)
+        yield each_trial(replace(ripple, shapes=ripple.shapes[::4]), setting)
 
 
 def _read_cogging(beta: Floats, cycles: float) -> dict[str, float]:
