@@ -12,7 +12,7 @@ from hil_sim.effects.entry import (
     with_plant_effects,
     with_terms,
 )
-from hil_sim.effects.physics import RIPPLE, Term
+from hil_sim.plant.physics import RIPPLE, Term
 from hil_sim.world import TrialTruth
 
 

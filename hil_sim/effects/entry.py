@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
-from hil_sim.effects.physics import PlantEffects, Term
+from hil_sim.plant.physics import PlantEffects, Term
 from hil_sim.errors import SimError
 from hil_sim.world import TrialTruth
 

@@ -4,7 +4,7 @@ from dataclasses import replace
 from typing import Any
 
 from hil_sim.effects.entry import JOINTS, Entry, Parameter, Row, plant_effects, with_plant_effects, with_terms
-from hil_sim.effects.physics import DRY_RIPPLE, VISCOUS_RIPPLE, Friction, Term
+from hil_sim.plant.physics import DRY_RIPPLE, VISCOUS_RIPPLE, Friction, Term
 from hil_sim.world import TrialTruth
 
 # Steel on steel under load bends some hundredths of a degree before it slides.

@@ -15,7 +15,7 @@ from hil_sim.effects.entry import (
     with_plant_effects,
     with_terms,
 )
-from hil_sim.effects.physics import BUMP, INPUTS, Coupled, Term
+from hil_sim.plant.physics import BUMP, INPUTS, Coupled, Term
 from hil_sim.seeds import generator
 from hil_sim.world import TrialTruth
 

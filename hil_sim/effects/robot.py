@@ -13,7 +13,7 @@ from hil_sim.effects.entry import (
     with_plant_effects,
     with_terms,
 )
-from hil_sim.effects.physics import SPRING, Coupled, Term
+from hil_sim.plant.physics import SPRING, Coupled, Term
 from hil_sim.world import TrialTruth
 
 Matrix = tuple[float, float, float, float]

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil_sim._native import ffi, lib
-from hil_sim.effects.physics import INPUTS, PlantEffects, native
+from hil_sim.plant.physics import INPUTS, PlantEffects, native
 from hil_sim.plant.kinematics import position
 
 Array = NDArray[np.float64]

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hil_sim.effects.physics import DRY_RIPPLE, VISCOUS_RIPPLE, Friction, PlantEffects, Term
+from hil_sim.plant.physics import DRY_RIPPLE, VISCOUS_RIPPLE, Friction, PlantEffects, Term
 from hil_sim.plant.plant import Plant
 
 INERTIA = 0.06
