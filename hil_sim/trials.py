@@ -41,9 +41,16 @@ def effects_in(scenario: Scenario, trial: Trial) -> tuple[Entry, ...]:
     Raises:
         SimError: an effect is not what the catalogue says.
     """
-    entries = [catalogue.entry(one.effect, one.places, one.trials, one.values) for one in scenario.effects]
+    entries = [
+        catalogue.entry(
+            one.effect, one.places, one.trials, one.values, when=one.when, per_trial=one.per_trial
+        )
+        for one in scenario.effects
+    ]
     return tuple(
-        entry for entry in entries if catalogue.applies(entry, trial.name, loaded=trial.load is not None)
+        entry
+        for entry in entries
+        if catalogue.applies(entry, trial.name, loaded=trial.load is not None, load=trial.load)
     )
 
 
@@ -74,6 +81,7 @@ def without_effects(scenario: Scenario, trial: Trial, seed: int) -> TrialTruth:
         plant=PlantParameters(
             alpha=world.robot.alpha,
             link_lengths_m=setup.robot.link_lengths_m,
+            believed_lengths_m=setup.robot.link_lengths_m,
             load=load,
             counts_per_rev=encoder.counts_per_rev,
             direction=encoder.direction,

@@ -5,7 +5,7 @@ calls: for a stretch of board ticks the world runs the plant as far as that need
 and counters read. Rows of the robot's log come out on the side.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,8 +35,11 @@ class TrialTruth:
         name: of the trial; with the seed it names the streams of chance.
         plant: robot, load and controller.
         course: what the controller follows.
-        inputs: torques, pushes and shifts that time alone decides, one row per tick; see Plant.run. None:
-        none. accelerometer, encoder, force_sensor: the sensors; force_sensor is None where there is none.
+        inputs: torques, pushes and shifts that time alone decides, one row per tick; see Plant.run. None: there
+            are none.
+        accelerometer, encoder, force_sensor: the sensors; force_sensor is None where there is none.
+        board_factor: true angle over the one that setup.toml lets expect of the board's counters, beyond the
+            encoder's own factor.
         accelerometer_delay_s: the acceleration is that of so long ago.
         vref_V: true reference of the converter.
         adc_noise_lsb: its own noise, rms, ahead of rounding.
@@ -66,6 +69,7 @@ class TrialTruth:
     board_rate_ppm: float
     duration_s: float
     seed: int
+    board_factor: tuple[float, float] = (1.0, 1.0)
 
 
 @dataclass(frozen=True)
@@ -88,6 +92,9 @@ class World:
         self.truth = truth
         tick_s = truth.plant.tick_s
         q = truth.encoder.place_of(truth.course.start_rad)
+        beyond = zip(truth.encoder.factor, truth.board_factor, strict=True)
+        first, second = (one * more for one, more in beyond)
+        self._board_encoder = replace(truth.encoder, factor=(first, second))
         self._step_s = truth.plant.true_tick_s / SUBSTEPS
         self._plant = Plant(truth.plant, q)
         self._course = truth.course.ticked(tick_s)
@@ -160,7 +167,7 @@ class World:
     def read(self, first_us: int, ticks: int, *, self_test: bool = False) -> Readings:
         """What the board reads in consecutive ticks, the first of them at board time first_us."""
         if self._begin_us is None:
-            count = self.truth.encoder.count(np.repeat(self._q[:1], ticks, axis=0))
+            count = self._board_encoder.count(np.repeat(self._q[:1], ticks, axis=0))
             # Rest, or nearly: the plane may be inclined.
             filtered = np.repeat(self._filtered[:1], ticks * CONVERSIONS, axis=0)
         else:
@@ -170,7 +177,7 @@ class World:
             felt = np.maximum(place - self._late, 0.0)
             self._advance_past(float(max(place[-1], felt[-1])))
             filtered = self._filtered_at(felt)
-            count = self.truth.encoder.count(self._q_at(place[CONVERSIONS - 1 :: CONVERSIONS]))
+            count = self._board_encoder.count(self._q_at(place[CONVERSIONS - 1 :: CONVERSIONS]))
             self._forget(float(min(place[-1], felt[-1])))
         count = count + self._miscounted(ticks)
         volts = self._output.volts(filtered, self_test=self_test)

@@ -4,6 +4,7 @@ The same trials are run with and without the effect, with the same chance. What 
 would take up is taken off, because nobody can see it.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -11,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil_sim.effects import catalogue
-from hil_sim.effects.entry import Entry
+from hil_sim.effects.entry import Entry, Parameter
 from hil_sim.effects.residuals import Residuals, residuals
 from hil_sim.errors import SimError
 from hil_sim.world import TrialTruth
@@ -87,17 +88,43 @@ def _left(trials: list[Residuals], names: tuple[str, str]) -> list[list[Array]]:
     return [parts[2 * k : 2 * k + 2] for k in range(len(trials))]
 
 
-def scaled(entry: Entry, factor: float) -> Entry:
-    """The effect made stronger: what departs from its absence departs by so many times."""
-    values: dict[str, Any] = dict(entry.values)
-    for parameter in catalogue.ROWS[entry.effect].parameters:
-        if parameter.neutral is None or isinstance(values[parameter.name], str):
-            continue
-        value = np.asarray(values[parameter.name], dtype=np.float64)
-        away = value - parameter.neutral
-        grown = away / factor if parameter.inverse else parameter.neutral + factor * away
-        values[parameter.name] = grown.tolist()
-    return replace(entry, values=values)
+def scaled(entry: Entry, factor: float, truth: TrialTruth) -> Entry:
+    """The effect made stronger: what departs from its absence departs by so many times.
+
+    Args:
+        entry: the effect.
+        factor: by how much.
+        truth: a trial of the laboratory, without effects.
+    """
+
+    def grown(values: Mapping[str, Any]) -> dict[str, Any]:
+        result = dict(values)
+        for parameter in catalogue.ROWS[entry.effect].parameters:
+            if parameter.neutral is None or parameter.name not in values or parameter.words:
+                continue
+            away = np.asarray(values[parameter.name], dtype=np.float64)
+            neutral = neutral_of(parameter, truth, entry.where)
+            away = away - neutral
+            more = away / factor if parameter.inverse else neutral + factor * away
+            result[parameter.name] = more.tolist()
+        return result
+
+    per_trial = {name: grown(values) for name, values in entry.per_trial.items()}
+    return replace(entry, values=grown(entry.values), per_trial=per_trial)
+
+
+def neutral_of(parameter: Parameter, truth: TrialTruth, where: tuple[str, ...]) -> Array:
+    """The value at which the effect is absent: one number, or one for each place.
+
+    Raises:
+        ValueError: the parameter does not say how large the effect is.
+    """
+    if parameter.neutral is None:
+        raise ValueError(f"{parameter.name} has no value at which its effect is absent")
+    if not callable(parameter.neutral):
+        return np.asarray(parameter.neutral)
+    each = [parameter.neutral(truth, place) for place in where]
+    return np.asarray(each if len(each) > 1 else each[0])
 
 
 def scaled_to(entry: Entry, wanted: float, trials: list[Clean]) -> tuple[Entry, float]:
@@ -120,7 +147,7 @@ def scaled_to(entry: Entry, wanted: float, trials: list[Clean]) -> tuple[Entry, 
             factor *= float(np.clip(wanted / reached, 0.02, 50.0))
         else:
             factor = float(np.sqrt(factor * shown))
-        now = scaled(entry, factor)
+        now = scaled(entry, factor, trials[0].truth)
         reached = _strength_or_none(now, trials)
         if reached > 0.0 and abs(np.log(reached / wanted)) < abs(np.log(best[1] / wanted)):
             best = now, reached

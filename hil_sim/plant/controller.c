@@ -6,7 +6,8 @@
 static int32_t count_at(const impid_plant_encoder *encoder, int j, double angle) {
     const double shown =
         angle + encoder->shift_rad[j] + encoder->once_per_turn[j] * sin(angle + encoder->phase_rad[j]);
-    return (int32_t)floor((shown - encoder->zero_rad[j]) * encoder->counts_per_rad[j] + 0.5);
+    const double turned = (shown - encoder->zero_rad[j]) / encoder->factor[j];
+    return (int32_t)floor(turned * encoder->counts_per_rad[j] + 0.5);
 }
 
 void impid_plant_read_encoders(const impid_plant *plant, int32_t *count) {
@@ -44,8 +45,9 @@ static void tip_torque(const impid_plant *plant, const double *reference, double
     const impid_plant_controller *controller = &plant->controller;
     const double *q = plant->angle;
     const double *w = plant->velocity;
-    const double J[4] = {-plant->robot.length[0] * sin(q[0]), plant->robot.length[1] * cos(q[1]),
-                         plant->robot.length[0] * cos(q[0]), plant->robot.length[1] * sin(q[1])};
+    const double *length = controller->length;
+    const double J[4] = {-length[0] * sin(q[0]), length[1] * cos(q[1]), length[0] * cos(q[0]),
+                         length[1] * sin(q[1])};
     const double x[2] = {J[2] + J[3], -J[0] - J[1]};
     double force[2];
     for (int i = 0; i < 2; i++) {

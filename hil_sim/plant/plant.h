@@ -43,6 +43,7 @@ typedef struct {
     double once_per_turn[2];  /* eccentricity: amplitude, rad */
     double phase_rad[2];      /* of it */
     double shift_rad[2];      /* the reading is so much too high */
+    double factor[2];         /* true angle over the declared one, both from count 0 */
 } impid_plant_encoder;
 
 typedef struct {
@@ -51,6 +52,7 @@ typedef struct {
     double kd[2];           /* N m s/rad; N s/m */
     double velocity_weight; /* weight of the newest difference in the velocity estimate, 0 to 1 */
     double tick_s;          /* the controller's own idea of its period */
+    double length[2];       /* of the links, as the controller believes, m */
 } impid_plant_controller;
 
 typedef struct {

@@ -44,6 +44,7 @@ class PlantParameters:
     Attributes:
         alpha: the five robot parameters of [D] Table VI, SI.
         link_lengths_m: l1, l2.
+        believed_lengths_m: what setup and controller take them for; None: the same.
         load: what is on the end-effector.
         counts_per_rev: encoder counts per turn of each joint.
         direction: +1 or -1 for each encoder.
@@ -56,6 +57,7 @@ class PlantParameters:
         at_tip: the controller works at the end-effector, [P] eq. 2: kp in N/m, kd in N s/m.
         once_per_turn_rad, phase_rad: eccentricity of the encoders.
         shift_rad: by how much the encoders' readings are too high.
+        factor: true angle over the declared one, from count 0.
         effects: what the papers' models lack; None for nothing.
     """
 
@@ -74,7 +76,14 @@ class PlantParameters:
     once_per_turn_rad: tuple[float, float] = (0.0, 0.0)
     phase_rad: tuple[float, float] = (0.0, 0.0)
     shift_rad: tuple[float, float] = (0.0, 0.0)
+    factor: tuple[float, float] = (1.0, 1.0)
+    believed_lengths_m: tuple[float, float] | None = None
     effects: PlantEffects | None = None
+
+    @property
+    def declared_lengths_m(self) -> tuple[float, float]:
+        """The links' lengths as setup and controller believe them."""
+        return self.believed_lengths_m or self.link_lengths_m
 
 
 @dataclass(frozen=True)
@@ -123,6 +132,7 @@ class Plant:
                     "once_per_turn": list(p.once_per_turn_rad),
                     "phase_rad": list(p.phase_rad),
                     "shift_rad": list(p.shift_rad),
+                    "factor": list(p.factor),
                 },
                 "controller": {
                     "at_tip": int(p.at_tip),
@@ -130,6 +140,7 @@ class Plant:
                     "kd": list(p.kd),
                     "velocity_weight": weight,
                     "tick_s": p.tick_s,
+                    "length": list(p.declared_lengths_m),
                 },
                 "effects": native(
                     p.effects or PlantEffects(),

@@ -107,13 +107,13 @@ class _Noise(_Table):
 class NoiseTable(_Noise):
     """[[world.force_sensor.noise]] (N): sources add up."""
 
-    kind: Literal["white", "ar", "pink", "heteroscedastic"] = "white"
+    kind: Literal["white", "ar", "pink", "heteroscedastic", "student"] = "white"
 
 
 class TorqueNoiseTable(_Noise):
     """[[world.torque_log.noise]] (N m): sources add up; a drive's noise may also grow with the speed."""
 
-    kind: Literal["white", "ar", "pink", "heteroscedastic", "speed"] = "white"
+    kind: Literal["white", "ar", "pink", "heteroscedastic", "speed", "student"] = "white"
 
 
 class ForceSensorTable(_Table):
@@ -285,6 +285,8 @@ class EffectTable(BaseModel):
     effect: str
     where: str | tuple[str, ...] = ()
     trials: tuple[str, ...] = ()
+    when: Literal["all", "free", "load"] = "all"
+    per_trial: dict[str, dict[str, Any]] = {}
 
     @property
     def places(self) -> tuple[str, ...]:
@@ -323,9 +325,10 @@ class Scenario(_Table):
         if twice:
             raise ValueError(f"two trials are called {twice[0]}: give each its own name")
         for effect in self.effects:
-            unknown = [name for name in effect.trials if name not in names]
+            there = {*names, *(trial.load for trial in self.trials)}
+            unknown = [name for name in (*effect.trials, *effect.per_trial) if name not in there]
             if unknown:
-                raise ValueError(f"effect {effect.effect} names the trial {unknown[0]}: there is none")
+                raise ValueError(f"effect {effect.effect} names {unknown[0]}: there is no such trial or load")
         for trial in self.trials:
             if trial.load is not None and trial.load not in self.world.loads:
                 raise ValueError(

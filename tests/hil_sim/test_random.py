@@ -58,13 +58,15 @@ def test_what_a_refit_takes_up_is_not_seen():
 
 
 def test_scaling_grows_what_departs_from_absence():
+    scenario, _ = random_scenario(3, SMALL, (), 1.0)
+    truth = without_effects(scenario, scenario.trials[0], 3)
     entry = catalogue.entry("actuator.gain", ("joint1",), (), {"gain": 1.05})
-    assert scaled(entry, 3.0).values["gain"] == pytest.approx(1.15)
+    assert scaled(entry, 3.0, truth).values["gain"] == pytest.approx(1.15)
     entry = catalogue.entry(
         "elastic.transmission", ("joint1",), (), {"stiffness": 30.0, "motor_inertia": 0.01}
     )
-    assert scaled(entry, 3.0).values["stiffness"] == pytest.approx(10.0)
-    assert scaled(entry, 3.0).values["motor_inertia"] == 0.01
+    assert scaled(entry, 3.0, truth).values["stiffness"] == pytest.approx(10.0)
+    assert scaled(entry, 3.0, truth).values["motor_inertia"] == 0.01
 
 
 @pytest.mark.parametrize("noise", ["white", "ar", "pink", "speed"])
