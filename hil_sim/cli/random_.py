@@ -64,8 +64,8 @@ def command(
 ) -> None:
     """Write the study of a random laboratory, in good order but for what is asked for.
 
-    A label is NAME@WHERE; `:free`, `:load` or `:TRIAL+TRIAL` behind it says when, `,PARAMETER=NUMBER` fixes what
-    chance would decide.
+    A label is NAME@WHERE; `:free`, `:load` or `:TRIAL+TRIAL` behind it says when, `,PARAMETER=NUMBER` fixes
+    what chance would decide.
 
     \b
     Examples:

@@ -15,7 +15,7 @@ from hil_sim.effects import (
     outside,
     robot,
 )
-from hil_sim.effects.entry import Entry, Row
+from hil_sim.effects.entry import Entry, Row, plant_effects
 from hil_sim.errors import SimError
 from hil_sim.world import TrialTruth
 
@@ -86,6 +86,7 @@ def apply(truth: TrialTruth, entries: tuple[Entry, ...]) -> TrialTruth:
     for one in entries:
         truth = ROWS[one.effect].apply(truth, one.in_trial(truth.name))
         alpha = truth.plant.alpha
-        if min(alpha[0], alpha[2]) <= 0.0 or 0.25 * alpha[1] ** 2 >= alpha[0] * alpha[2]:
+        between = 0.5 * abs(alpha[1]) + abs(plant_effects(truth).inertia12)
+        if min(alpha[0], alpha[2]) <= 0.0 or between**2 >= alpha[0] * alpha[2]:
             raise SimError(f"effect {one.effect}: leaves a link without inertia; make it smaller")
     return truth

@@ -4,8 +4,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from hil_sim.plant.physics import PlantEffects, Term
 from hil_sim.errors import SimError
+from hil_sim.plant.physics import PlantEffects, Term
 from hil_sim.world import TrialTruth
 
 JOINTS = ("joint1", "joint2")
@@ -21,14 +21,15 @@ class Parameter:
     Attributes:
         name, unit: as diagnosis-format has them.
         low, high: what a random study draws it from, at strength one.
-        neutral: the value at which the effect is absent, or how it follows from a trial and a place; None: the
-            parameter says where or how, and is not scaled with the effect's strength. Where it is a function,
-            `low` and `high` are departures from it.
+        neutral: the value at which the effect is absent, or how it follows from a trial and a place; None:
+            the parameter says where or how, and is not scaled with the effect's strength. Where it is a
+            function, `low` and `high` are departures from it.
         default: used when the scenario leaves it out; None: it must be given.
         words: what it may be, where it is not a number.
         signed: a random study may turn the departure from `neutral` round.
         pair: it has a component along x and one along y.
         inverse: the effect grows as one over it.
+        shared: it is one value, however many places there are.
         drawn_word: a random study draws one of `words`; else it takes the default.
     """
 
@@ -42,6 +43,7 @@ class Parameter:
     signed: bool = False
     pair: bool = False
     inverse: bool = False
+    shared: bool = False
     drawn_word: bool = False
 
 
@@ -162,6 +164,16 @@ def with_terms(truth: TrialTruth, terms: list[Term]) -> TrialTruth:
 def added(one: tuple[float, float], other: tuple[float, float]) -> tuple[float, float]:
     """Element by element."""
     return one[0] + other[0], one[1] + other[1]
+
+
+def refuse_relative(truth: TrialTruth, entry: Entry) -> None:
+    """Ends with an error where the robot's second joint is relative: parts on it turn with the first link.
+
+    Raises:
+        SimError: this robot is so.
+    """
+    if truth.plant.relative:
+        raise SimError(f"effect {entry.effect}: not modelled for planar-2r-relative; use planar-2r-absolute")
 
 
 def with_alpha(truth: TrialTruth, more: Mapping[int, float]) -> TrialTruth:

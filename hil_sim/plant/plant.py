@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil_sim._native import ffi, lib
-from hil_sim.plant.physics import INPUTS, PlantEffects, native
 from hil_sim.plant.kinematics import position
+from hil_sim.plant.physics import INPUTS, PlantEffects, native
 
 Array = NDArray[np.float64]
 SUBSTEPS = 8  # IMPID_PLANT_SUBSTEPS: steps of the integration per tick of the controller
@@ -44,6 +44,7 @@ class PlantParameters:
     Attributes:
         alpha: the five robot parameters of [D] Table VI, SI.
         link_lengths_m: l1, l2.
+        relative: the second joint's angle is that of its link against the first one.
         believed_lengths_m: what setup and controller take them for; None: the same.
         load: what is on the end-effector.
         counts_per_rev: encoder counts per turn of each joint.
@@ -78,6 +79,7 @@ class PlantParameters:
     shift_rad: tuple[float, float] = (0.0, 0.0)
     factor: tuple[float, float] = (1.0, 1.0)
     believed_lengths_m: tuple[float, float] | None = None
+    relative: bool = False
     effects: PlantEffects | None = None
 
     @property
@@ -91,10 +93,11 @@ class Motion:
     """A stretch of motion. n ticks, 8 n substeps; substep s lasts from grid point s to s + 1.
 
     Attributes:
-        q: joint angles at the end of each substep, shape (8 n, 2), rad.
-        w: joint speeds there, shape (8 n, 2), rad/s.
+        q: angles of the links at the end of each substep, shape (8 n, 2), rad.
+        w: their speeds there, shape (8 n, 2), rad/s.
         acceleration: of the end-effector in the base frame, mean over each substep, shape (8 n, 2), m/s^2.
         force: of the load on the robot, mean over each substep, shape (8 n, 2), N.
+        crept: by how much the encoders run ahead of the joints there, shape (8 n, 2), rad.
         count: what the controller read at each tick, shape (n, 2).
         torque: what it held from there to the next tick, shape (n, 2), N m.
     """
@@ -103,6 +106,7 @@ class Motion:
     w: Array
     acceleration: Array
     force: Array
+    crept: Array
     count: NDArray[np.int32]
     torque: Array
 
@@ -119,7 +123,11 @@ class Plant:
         self._plant = ffi.new(
             "impid_plant *",
             {
-                "robot": {"alpha": list(p.alpha), "length": list(p.link_lengths_m)},
+                "robot": {
+                    "alpha": list(p.alpha),
+                    "length": list(p.link_lengths_m),
+                    "relative": int(p.relative),
+                },
                 "load": {
                     "M": p.load.M.ravel().tolist(),
                     "B": p.load.B.ravel().tolist(),
@@ -199,6 +207,7 @@ class Plant:
             w=np.empty(fine),
             acceleration=np.empty(fine),
             force=np.empty(fine),
+            crept=np.empty(fine),
             count=np.empty((ticks, 2), dtype=np.int32),
             torque=np.empty((ticks, 2)),
         )
@@ -207,7 +216,10 @@ class Plant:
             ticks,
             ffi.from_buffer("double[]", reference),
             ffi.NULL if inputs is None else ffi.from_buffer("double[]", inputs),
-            *(_doubles(array) for array in (motion.q, motion.w, motion.acceleration, motion.force)),
+            *(
+                _doubles(array)
+                for array in (motion.q, motion.w, motion.acceleration, motion.force, motion.crept)
+            ),
             ffi.from_buffer("int32_t[]", motion.count, require_writable=True),
             _doubles(motion.torque),
         )

@@ -53,8 +53,8 @@ def random_scenario(
         seed: decides everything.
         size: of the study.
         effects: "name@place", or more of it; see hil_sim.scenarios.random_effects.
-        strength: of each effect by itself, over the noise floor; see hil_sim.effects.strength. An effect whose
-            label states its size has that.
+        strength: of each effect by itself, over the noise floor; see hil_sim.effects.strength. An effect
+            whose label states its size has that.
         noise: of the logged torque, one of NOISES: white and a little autoregressive, or one kind alone;
             `speed` is white noise beside some that grows with the joint's speed, `student` has heavy tails.
         force_sensor: whether the robot has one.

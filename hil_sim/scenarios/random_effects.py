@@ -1,7 +1,7 @@
 """An effect of a random study: what its label says, and all else by chance.
 
-A label is NAME, NAME@PLACE or NAME@PLACE+PLACE, then, if wanted, `:WHEN` (free, load, or names of trials or loads
-joined by +), then `,KEY=NUMBER` for parameters that chance shall not decide:
+A label is NAME, NAME@PLACE or NAME@PLACE+PLACE, then, if wanted, `:WHEN` (free, load, or names of trials or
+loads joined by +), then `,KEY=NUMBER` for parameters that chance shall not decide:
 
     elastic.cartesian@tip:load
     outside.push@load:spring_L1_02,start_s=24
@@ -126,7 +126,9 @@ def _value(parameter: Parameter, where: tuple[str, ...], rng: np.random.Generato
     if parameter.pair:
         size, angle = one(0), float(rng.uniform(0.0, 2.0 * np.pi))
         return [size * float(np.cos(angle)), size * float(np.sin(angle))]
-    return [one(place) for place in range(len(where))] if len(where) > 1 else one(0)
+    if parameter.shared or len(where) == 1:
+        return one(0)
+    return [one(place) for place in range(len(where))]
 
 
 # What differs from trial to trial by its nature.
@@ -139,6 +141,40 @@ def _drift_turns(given: Values, scenario: Scenario, rng: np.random.Generator) ->
     return {name: {"rate": [size * np.cos(a).item(), size * np.sin(a).item()]} for name, a in turn.items()}
 
 
+def _clock_wanders(given: Values, scenario: Scenario, rng: np.random.Generator) -> dict[str, Values]:
+    """Warmth comes and goes as it likes: another bend, or another phase of a swing, in each trial."""
+    if rng.random() < 0.5:
+        given["seconds"] = 0.0
+        return {trial.name: {"phase_rad": float(rng.uniform(0.0, 2.0 * np.pi))} for trial in scenario.trials}
+    given["wander"] = 0.0
+    size = abs(given["seconds"])
+    turn = {trial.name: float(rng.uniform(0.0, 2.0 * np.pi)) for trial in scenario.trials}
+    return {name: {"seconds": [size * np.cos(a).item(), size * np.sin(a).item()]} for name, a in turn.items()}
+
+
+def _power_was_off(given: Values, scenario: Scenario, rng: np.random.Generator) -> dict[str, Values]:
+    """In every other laboratory the drives were off between trials, and the ripple starts elsewhere."""
+    if rng.random() < 0.5:
+        return {}
+    phases = rng.uniform(0.0, 2.0 * np.pi, (len(scenario.trials), np.size(given["phase_rad"])))
+    return {
+        trial.name: {"phase_rad": phase.tolist() if phase.size > 1 else float(phase[0])}
+        for trial, phase in zip(scenario.trials, phases, strict=True)
+    }
+
+
+def _session(_: Values, scenario: Scenario, rng: np.random.Generator) -> dict[str, Values]:
+    """Trials follow each other after half a minute or so, in the order of their names."""
+    result, now = {}, 0.0
+    for trial in scenario.trials:
+        result[trial.name] = {"warm_for_s": round(now, 1)}
+        now += trial.duration_s + float(rng.uniform(10.0, 50.0))
+    return result
+
+
 PER_TRIAL: Mapping[str, Callable[[Values, Scenario, np.random.Generator], dict[str, Values]]] = {
     "load.drift": _drift_turns,
+    "clock.drift": _clock_wanders,
+    "actuator.cogging": _power_was_off,
+    "outside.torque_constant": _session,
 }

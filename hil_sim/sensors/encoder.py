@@ -16,8 +16,8 @@ class EncoderTruth:
         counts_per_rev, zero_rad, direction: as the laboratory believes.
         once_per_turn_rad, phase_rad: the disc stands off its centre, reading = q + a sin(q + phase).
         shift_rad: the reading is so much too high.
-        factor: true angle over the declared one, both from count 0: real counts per turn are declared ones over
-            this.
+        factor: true angle over the declared one, both from count 0: real counts per turn are declared ones
+            over this.
     """
 
     counts_per_rev: tuple[float, float]

@@ -23,8 +23,8 @@ class NoiseTruth:
     Attributes:
         kind: `white`; `ar`: first-order autoregression, -3 dB at corner_Hz; `pink`: density as 1/f from 0.02
             Hz to half the rate; `heteroscedastic`: white, in proportion to the quantity itself; `speed`:
-            white, in proportion to the speed of the joint; `student`: white with heavy tails, Student's t with
-            three degrees of freedom.
+            white, in proportion to the speed of the joint; `student`: white with heavy tails, Student's t
+            with three degrees of freedom.
         rms: standard deviation of one logged value; for `heteroscedastic` its share of the quantity, for
             `speed` that at 1 rad/s.
         corner_Hz: for `ar`.

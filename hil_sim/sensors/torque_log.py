@@ -91,10 +91,11 @@ class TorqueLog:
         tick_s: float,
         ticks: int,
         encoder: EncoderTruth,
+        relative: bool = False,
         force_sensor: ForceSensor | None,
         generators: tuple[np.random.Generator, np.random.Generator],
     ) -> None:
-        """ticks: how long the trial is. zero_s: the robot's clock at its first tick.
+        """ticks: how long the trial is. zero_s: the robot's clock at its first tick. relative: see Plant.
 
         generators: of the noise, and of everything else.
         """
@@ -104,6 +105,7 @@ class TorqueLog:
         self._tick_s = tick_s
         self._rows = -(-ticks // every)
         self._encoder = encoder
+        self._relative = relative
         self._force_sensor = force_sensor
         # Each source of chance has its own stream, or the length of the blocks would decide who draws what.
         streams = generators[0].spawn(len(truth.noise))
@@ -142,7 +144,9 @@ class TorqueLog:
     def add(self, motion: Motion, command: Array) -> LogRows:
         """The rows that this stretch completes. command: force commanded at each tick, shape (n, 2), N."""
         self._torque = np.concatenate([self._torque, motion.torque])
-        self._speed = np.concatenate([self._speed, motion.w[::SUBSTEPS]])
+        w = motion.w[::SUBSTEPS]
+        speed = np.stack([w[:, 0], w[:, 1] - w[:, 0]], axis=1) if self._relative else w
+        self._speed = np.concatenate([self._speed, speed])
         self._force = np.concatenate([self._force, motion.force])
         self._count = np.concatenate([self._count, motion.count])
         self._command = np.concatenate([self._command, command])
@@ -172,7 +176,7 @@ class TorqueLog:
         tau = self._sticking(tau)
         force = None
         if self._force_sensor is not None:
-            force = self._force_sensor.read(self._mean_force(index), ticks * self._tick_s)
+            force = self._force_sensor.read(self._mean_force(index), np.asarray(ticks * self._tick_s))
         late = truth.jitter_s * np.abs(self._jitter.standard_normal(rows.size))
         keep = self._present(rows.size)
         return LogRows(

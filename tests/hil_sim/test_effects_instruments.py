@@ -93,7 +93,7 @@ def test_force_errors_need_a_force_sensor():
 
 
 def test_a_robot_of_another_length_moves_the_load_by_its_own_jacobian():
-    """The spring's force is that of the true place, while the log's angles and the declared lengths give another."""
+    """The spring's force is that of the true place, while angles and declared lengths give another."""
     truth = with_effect(quiet(), "geometry.link_length", {"length_m": 0.264}, ("joint1",))
     assert truth.plant.link_lengths_m == (0.264, 0.2667)
     assert declared_length_m(truth, "joint1") == 0.254
@@ -139,7 +139,7 @@ def counted(truth):
 
 
 def test_fewer_counts_per_turn_than_declared_make_angles_small():
-    """Declared angle = true angle / factor from count 0, for board and log alike; the start is what was commanded."""
+    """Declared angle = true angle / factor from count 0, for board and log alike."""
     truth = with_effect(quiet(), "encoder.scale", {"factor": 1.02}, ("joint2",))
     declared, theta, start = counted(truth)
     assert declared[0] == pytest.approx(start, abs=2e-3)

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hil_sim.plant.physics import LoadExtras, PlantEffects
 from hil_sim.plant.kinematics import joint_angles, position
+from hil_sim.plant.physics import LoadExtras, PlantEffects
 from hil_sim.plant.plant import Load, Plant
 
 X0 = np.array([0.36, 0.01])

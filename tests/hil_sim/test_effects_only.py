@@ -16,8 +16,8 @@ from hil_sim.world import World
 
 ALL = {"adc", "count", "theta", "tau", "force"}
 MOTION = "everything, because the robot moves otherwise"
-# What an effect changes in free motion, where that is less than under load: alpha knows no lengths, and there is
-# no force to misread.
+# What an effect changes in free motion, where that is less than under load: alpha knows no lengths, and there
+# is no force to misread.
 IN_FREE_MOTION = {
     "geometry.link_length": {"adc"},
     "force.scale": set(),
