@@ -46,6 +46,9 @@ TAU1_BEND: Cause = (
     "second derivative of the torque on joint 1 (N m/s^2)",
     lambda e: np.gradient(np.gradient(e["tau"][:, 0])) * RATE_HZ**2,
 )
+FX: Cause = ("force of the load along x (N)", lambda e: e["force"][:, 0])
+FY: Cause = ("force of the load along y (N)", lambda e: e["force"][:, 1])
+FX_RATE: Cause = ("rate of the load's force (N/s)", lambda e: np.gradient(e["force"][:, 0], 1.0 / RATE_HZ))
 S1: Cause = ("specific force along axis 1 (m/s^2)", lambda e: e["specific"][:, 0])
 S2: Cause = ("specific force along axis 2 (m/s^2)", lambda e: e["specific"][:, 1])
 S1_RATE: Cause = (
@@ -65,24 +68,35 @@ SIGNATURES: dict[str, tuple[str, Cause]] = {
     "friction.asymmetric": ("tau1", W1),
     "friction.quadratic": ("tau1", W1),
     "friction.position": ("tau1", Q1),
+    "friction.load": ("tau1", TAU1),
+    "friction.presliding": ("tau1", Q1),
     "elastic.cartesian": ("fsx", X),
     "elastic.joint": ("tau1", Q1),
     "elastic.transmission": ("tau1", TAU1_BEND),
     "damping.cartesian": ("fsx", VX),
     "gravity.tilt": ("a1", TIME),
     "inertia.extra": ("fsx", AX),
+    "gravity.link": ("tau1", Q1),
+    "geometry.link_length": ("a1", S2),
     "actuator.gain": ("tau1", TAU1),
     "actuator.offset": ("tau1", Q1),
     "actuator.cogging": ("tau1", Q1),
     "actuator.delay": ("tau1", TAU1_RATE),
+    "actuator.lag": ("tau1", TAU1_RATE),
     "accel.misalignment": ("a1", S2),
     "accel.scale": ("a1", S1),
     "accel.bias": ("a1", S1),
     "accel.cross_axis": ("a1", S2),
     "accel.delay": ("a1", S1_RATE),
     "accel.lever_arm": ("a1", SWING2),
+    "force.scale": ("fsx", FX),
+    "force.misalignment": ("fsx", FY),
+    "force.cross_axis": ("fsx", FY),
+    "force.bias": ("fsx", TIME),
+    "force.delay": ("fsx", FX_RATE),
     "encoder.eccentricity": ("a1", S2),
     "encoder.zero": ("a1", S2),
+    "encoder.scale": ("a1", S1),
     "clock.drift": ("tau1", TIME),
     "load.damping": ("fx", VX),
     "load.stiffness_cubic": ("fx", X),
@@ -91,6 +105,7 @@ SIGNATURES: dict[str, tuple[str, Cause]] = {
     "load.delay": ("fx", X),
     "load.drift": ("fx", TIME),
     "load.coupling": ("fx", Y),
+    "load.time_varying": ("fx", TIME),
     "outside.torque_bump": ("tau1", Q1),
     "outside.resonance": ("tau1", TIME),
     "outside.periodic": ("tau1", TIME),
@@ -102,6 +117,10 @@ SIGNATURES: dict[str, tuple[str, Cause]] = {
     "outside.torque_stuck": ("tau1", TIME),
     "outside.push": ("fx", TIME),
     "outside.one_trial": ("tau1", W1),
+    "outside.torque_constant": ("fsx", FX),
+    "outside.capstan_creep": ("a1", TIME),
+    "outside.cable_hysteresis": ("fsx", X),
+    "outside.bracket": ("a1", TIME),
 }
 UNITS = {"tau1": "N m", "fx": "N", "fsx": "N", "a1": "m/s^2"}
 WORDS = {
@@ -110,7 +129,14 @@ WORDS = {
     "fsx": "virtual less\nmeasured force, x",
     "a1": "accelerometer less\nencoders, axis 1",
 }
-PLACE = {"accel.scale": "@x", "accel.bias": "@x", "accel.cross_axis": "@x"}
+PLACE = {
+    "accel.scale": "@x",
+    "accel.bias": "@x",
+    "accel.cross_axis": "@x",
+    "force.scale": "@x",
+    "force.cross_axis": "@x",
+    "force.bias": "@x",
+}
 
 
 def draw(name: str) -> None:

@@ -110,7 +110,7 @@ def test_the_weight_of_a_link_is_a_potential_of_its_angle(frictionless):
 
 
 def test_a_slipping_cable_pulls_at_the_end_effector_by_masings_rule(parameters):
-    """Led to and fro along x: what moves links without friction or coupling is the torque and J' F, F = -pull."""
+    """Led to and fro along x: the links' acceleration is due to torque and J' F, F = -pull."""
     slip = Slip.evenly(3.0, 0.01)
     effects = PlantEffects(tip_slip=(slip, Slip()))
     p = replace(
