@@ -70,8 +70,8 @@ def causes(truth: TrialTruth, nominal: TrialTruth) -> dict[str, Array]:
 
     Returns:
         Angles q (rad), speeds w (rad/s), place x (m), its velocity v (m/s) and acceleration acc (m/s^2), the
-        model's torque tau (N m), the load's force by its model (N), and the specific force that the encoders let expect along the sensor's axes
-        (m/s^2).
+        model's torque tau (N m), the load's force by its model (N), and the specific force that the encoders
+        let expect along the sensor's axes (m/s^2).
     """
     s = _signals(truth, nominal)
     s["tau"] = _robot_regressor(s["q"], s["w"], s["a"]) @ np.array(nominal.plant.alpha)
