@@ -62,13 +62,11 @@ def _damping_cartesian(truth: TrialTruth, entry: Entry) -> TrialTruth:
 def _tilt(truth: TrialTruth, entry: Entry) -> TrialTruth:
     """Gravity pulls at links and payload, and the accelerometer feels its opposite."""
     gravity = (entry.one("gx"), entry.one("gy"))
-    moment = tuple(entry.values["moment_kg_m"])
-    if not moment:
-        # alpha2 / 2 is l1 times the second link's first moment; the first link's is that of a mass at its
-        # end.
-        l1 = truth.plant.link_lengths_m[0]
-        moment = (truth.plant.alpha[0] / l1, 0.5 * truth.plant.alpha[1] / l1)
-    gravity = added(plant_effects(truth).gravity, gravity)
+    so_far = plant_effects(truth)
+    moment = tuple(entry.values["moment_kg_m"]) or (
+        so_far.moment if any(so_far.moment) else truth.plant.likely_moments_kg_m
+    )
+    gravity = added(so_far.gravity, gravity)
     truth = with_plant_effects(truth, gravity=gravity, moment=(float(moment[0]), float(moment[1])))
     return replace(truth, accelerometer=replace(truth.accelerometer, gravity_m_s2=gravity))
 

@@ -85,7 +85,9 @@ double impid_effects_slip_pull(const impid_effects_slip *slip, double moved) {
 
 void impid_effects_slip_step(impid_effects_slip *slip, double moved) {
     for (size_t i = 0; i < IMPID_EFFECTS_SLIPS; i++) {
-        slip->at[i] = stretched(slip->at[i] + moved, slip->limit[i]);
+        if (slip->level[i] != 0.0) {
+            slip->at[i] = stretched(slip->at[i] + moved, slip->limit[i]);
+        }
     }
 }
 
@@ -93,7 +95,9 @@ void impid_effects_friction_step(impid_effects *e, const double *turned) {
     for (int j = 0; j < 2; j++) {
         impid_effects_friction *f = &e->friction[j];
         f->bend = bent(f->bend, turned[j], f->presliding);
-        f->spring_bend = bent_far(f->spring_bend, turned[j], f->spring_width);
+        if (f->spring_level != 0.0) {
+            f->spring_bend = bent_far(f->spring_bend, turned[j], f->spring_width);
+        }
         impid_effects_slip_step(&f->slip, turned[j]);
     }
 }

@@ -83,6 +83,15 @@ class PlantParameters:
     effects: PlantEffects | None = None
 
     @property
+    def likely_moments_kg_m(self) -> tuple[float, float]:
+        """First moments of the links about their axes, as far as alpha tells.
+
+        alpha2 / 2 is l1 times the second link's; the first link's is that of a mass at its end.
+        """
+        l1 = self.link_lengths_m[0]
+        return self.alpha[0] / l1, 0.5 * self.alpha[1] / l1
+
+    @property
     def declared_lengths_m(self) -> tuple[float, float]:
         """The links' lengths as setup and controller believe them."""
         return self.believed_lengths_m or self.link_lengths_m

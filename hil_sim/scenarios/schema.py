@@ -22,8 +22,20 @@ class _Table(BaseModel):
 class SetupRobot(_Table):
     """setup.toml [robot]."""
 
-    model: Literal["planar-2r-absolute"] = "planar-2r-absolute"
+    model: Literal["planar-2r-absolute", "planar-2r-relative"] = "planar-2r-absolute"
     link_lengths_m: PositivePair
+    gravity_m_s2: Pair | None = None
+
+    @property
+    def relative(self) -> bool:
+        """The second joint's angle is that of its link against the first one."""
+        return self.model == "planar-2r-relative"
+
+    @model_validator(mode="after")
+    def _gravity_fits_model(self) -> "SetupRobot":
+        if self.gravity_m_s2 is not None and not self.relative:
+            raise ValueError("gravity_m_s2 is for planar-2r-relative: remove it, or hide gravity.tilt")
+        return self
 
 
 class SetupEncoder(_Table):
@@ -65,6 +77,7 @@ class RobotTruth(_Table):
     """[world.robot]: alpha as in [D] eqs. 11 to 13, SI."""
 
     alpha: tuple[Positive, float, Positive, NotNegative, NotNegative]
+    moment_kg_m: Pair | None = None  # first moments of the links; None: those of masses at their ends
 
     @model_validator(mode="after")
     def _inertia_is_positive(self) -> "RobotTruth":

@@ -10,7 +10,7 @@ from hil_sim.scenarios.schema import Scenario, Trial
 
 def write_setup(scenario: Scenario, path: Path) -> None:
     """Writes the scenario's [setup] as the setup.toml of a study."""
-    content: dict[str, Any] = {"format": "impid-study/1", **scenario.setup.model_dump()}
+    content: dict[str, Any] = {"format": "impid-study/1", **scenario.setup.model_dump(exclude_none=True)}
     path.write_text(tomli_w.dumps(_lists(content)), encoding="utf-8")
 
 
