@@ -11,7 +11,7 @@ from hil_sim.effects.entry import Entry
 from hil_sim.errors import SimError
 from hil_sim.plant.kinematics import QUARTER_TURN, joint_angles, joints_of
 from hil_sim.plant.perturbation import RATE_HZ, played_perturbation, random_perturbation
-from hil_sim.plant.physics import PlantEffects
+from hil_sim.plant.physics import SPRING, PlantEffects, Term
 from hil_sim.plant.plant import Load, PlantParameters
 from hil_sim.plant.reference import Course, ten_sinusoids
 from hil_sim.scenarios.schema import LoadTruth, Motion, NoiseTable, Scenario, TorqueNoiseTable, Trial
@@ -48,6 +48,12 @@ def effects_in(scenario: Scenario, trial: Trial) -> tuple[Entry, ...]:
         )
         for one in scenario.effects
     ]
+    for entry in entries:
+        if scenario.setup.robot.single and entry.where != ("joint1",):
+            raise SimError(
+                f'effect {entry.effect}: {scenario.setup.robot.model} has joint1 alone; say where = "joint1"'
+                " or choose another effect"
+            )
     return tuple(
         entry
         for entry in entries
@@ -108,7 +114,22 @@ def without_effects(scenario: Scenario, trial: Trial, seed: int) -> TrialTruth:
         duration_s=trial.duration_s,
         seed=seed,
     )
+    if setup.robot.single:
+        return _on_the_axis(plain)
     return _weighted(plain, scenario) if setup.robot.gravity_m_s2 else plain
+
+
+def _on_the_axis(truth: TrialTruth) -> TrialTruth:
+    """A single axis carries its load: inertia and damping are parts of its own, the spring holds it.
+
+    The plant's second joint stands aside: nothing couples it, and its drive holds it at zero.
+    """
+    load, a = truth.plant.load, truth.plant.alpha
+    alpha = (a[0] + float(load.M[0, 0]), a[1], a[2], a[3] + float(load.B[0, 0]), a[4])
+    spring = Term(SPRING, 0, size=float(load.K[0, 0]), a=float(load.x0[0]), b=0.0)
+    effects = PlantEffects(terms=(spring,) if spring.size else ())
+    plant = replace(truth.plant, alpha=alpha, load=Load.none(), effects=effects)
+    return replace(truth, plant=plant)
 
 
 def _weighted(truth: TrialTruth, scenario: Scenario) -> TrialTruth:
@@ -153,7 +174,9 @@ def _controller(scenario: Scenario, trial: Trial) -> dict[str, Any]:
 def _course(scenario: Scenario, trial: Trial, load: Load, seed: int) -> Course:
     motion: Motion = scenario.motion.load if trial.load else scenario.motion.free
     centre = np.array(scenario.motion.free_centre_rad)
-    if trial.load:
+    if trial.load and scenario.setup.robot.single:
+        centre = np.array([load.x0[0], 0.0])
+    elif trial.load:
         try:
             links = joint_angles(load.x0, scenario.setup.robot.link_lengths_m)
             centre = joints_of(links, relative=scenario.setup.robot.relative)
