@@ -2,6 +2,8 @@
 
 #include <math.h>
 
+#define TURN 6.283185307179586
+
 /* The part of d inside the play, within which no spring pulls. */
 static double inside(double d, double half) {
     return d > half ? half : d < -half ? -half : d;
@@ -17,6 +19,18 @@ static void remembered(const impid_effects_load *load, double steps, double *row
     for (int i = 0; i < 4; i++) {
         row[i] = (1.0 - part) * load->history[4 * newer + i] + part * load->history[4 * older + i];
     }
+}
+
+double impid_effects_course(const impid_effects *e, double since) {
+    const impid_effects_load *load = &e->load;
+    const double time_s = e->time_s + since - load->course_from;
+    if (load->course == IMPID_EFFECTS_RAMP) {
+        return inside(time_s / load->course_span, 0.5);
+    }
+    if (load->course == IMPID_EFFECTS_JUMP) {
+        return time_s < 0.0 ? -0.5 : 0.5;
+    }
+    return sin(TURN * time_s / load->course_span + load->course_phase);
 }
 
 void impid_effects_load_force(const impid_effects *e, const impid_effects_stage *s, const double *M,

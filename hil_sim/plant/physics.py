@@ -10,8 +10,26 @@ Pair = tuple[float, float]
 Array = NDArray[np.float64]
 
 SPRING, RIPPLE, BUMP, DRY_RIPPLE, VISCOUS_RIPPLE = range(5)
+CONSTANT, RAMP, JUMP, SINE = range(4)
 MAX_TERMS = 16
 INPUTS = 6  # per tick: torque on joints 1, 2; push x, y on the load's side; shift x, y of its equilibrium
+
+
+@dataclass(frozen=True)
+class Slip:
+    """Springs in parallel, each of which slips at its own limit; see impid_effects_slip."""
+
+    level: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
+    limit: tuple[float, float, float, float] = (1.0, 1.0, 1.0, 1.0)
+
+    @classmethod
+    def evenly(cls, level: float, width: float) -> "Slip":
+        """Four equal levels that together make `level`, their limits evenly apart with the mean `width`."""
+        each = 0.25 * level
+        return cls((each, each, each, each), (0.4 * width, 0.8 * width, 1.2 * width, 1.6 * width))
+
+
+NO_SLIP = Slip()
 
 
 @dataclass(frozen=True)
@@ -28,6 +46,10 @@ class Friction:
     warm_viscous: float = 0.0
     warm_time: float = 1.0
     per_force: float = 0.0
+    per_torque: float = 0.0
+    spring_level: float = 0.0
+    spring_width: float = 1.0
+    slip: Slip = NO_SLIP
 
 
 @dataclass(frozen=True)
@@ -64,6 +86,13 @@ class LoadExtras:
     delay_s: float = 0.0
     drift: Pair = (0.0, 0.0)
     drift_from: float = 0.0
+    course: int = CONSTANT
+    more_M: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
+    more_B: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
+    more_K: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
+    course_from: float = 0.0
+    course_span: float = 1.0
+    course_phase: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -74,9 +103,18 @@ class PlantEffects:
     terms: tuple[Term, ...] = ()
     gain: Pair = (1.0, 1.0)
     offset: Pair = (0.0, 0.0)
+    fade: Pair = (0.0, 0.0)
+    fade_s: float = 1.0
+    fade_from: float = 0.0
+    lag_s: Pair = (0.0, 0.0)
+    creep: Pair = (0.0, 0.0)
+    inertia12: float = 0.0
     tip_stiffness: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
     tip_pull: Pair = (0.0, 0.0)
     tip_damping: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
+    tip_slip: tuple[Slip, Slip] = (NO_SLIP, NO_SLIP)
+    weight_sin: Pair = (0.0, 0.0)
+    weight_cos: Pair = (0.0, 0.0)
     gravity: Pair = (0.0, 0.0)
     moment: Pair = (0.0, 0.0)
     motor: tuple[Coupled, Coupled] = (Coupled(), Coupled())
@@ -96,12 +134,22 @@ def native(effects: PlantEffects, *, present: bool, step_s: float) -> dict[str, 
     return {
         "present": int(present),
         "friction": [
-            {**vars(f), "level": list(f.level), "viscous": list(f.viscous)} for f in effects.friction
+            {**vars(f), "level": list(f.level), "viscous": list(f.viscous), "slip": _slip(f.slip)}
+            for f in effects.friction
         ],
         "terms": len(effects.terms),
         "term": [vars(term) for term in effects.terms],
         "gain": list(effects.gain),
         "offset": list(effects.offset),
+        "fade": list(effects.fade),
+        "fade_s": effects.fade_s,
+        "fade_from": effects.fade_from,
+        "lag_s": list(effects.lag_s),
+        "creep": list(effects.creep),
+        "inertia12": effects.inertia12,
+        "tip_slip": [_slip(one) for one in effects.tip_slip],
+        "weight_sin": list(effects.weight_sin),
+        "weight_cos": list(effects.weight_cos),
         "tip_stiffness": list(effects.tip_stiffness),
         "tip_pull": list(effects.tip_pull),
         "tip_damping": list(effects.tip_damping),
@@ -121,5 +169,16 @@ def native(effects: PlantEffects, *, present: bool, step_s: float) -> dict[str, 
             "steps_per_s": 1.0 / step_s,
             "drift": list(load.drift),
             "drift_from": load.drift_from,
+            "course": load.course,
+            "more_M": list(load.more_M),
+            "more_B": list(load.more_B),
+            "more_K": list(load.more_K),
+            "course_from": load.course_from,
+            "course_span": load.course_span,
+            "course_phase": load.course_phase,
         },
     }
+
+
+def _slip(slip: Slip) -> dict[str, Any]:
+    return {"level": list(slip.level), "limit": list(slip.limit)}
