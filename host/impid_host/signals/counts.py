@@ -56,6 +56,11 @@ def joint_angles(device: ModuleSamples, encoder: EncoderSetup | None) -> Floats:
     return angles
 
 
+def has_angles(device: ModuleSamples) -> bool:
+    """Whether the module knows the joints' angles, so that its clock can be matched by them."""
+    return isinstance(device, DeviceSamples) or device.theta is not None or device.counts is not None
+
+
 def encoder_counts(device: ModuleSamples) -> tuple[NDArray[np.int32], NDArray[np.int32]] | None:
     """The two counters as they were sent, shape (N,) each; None for a module without."""
     if isinstance(device, DeviceSamples):
