@@ -258,8 +258,7 @@ def _run(device: ModuleSamples) -> ModuleSamples:
 
 def _on_device_clock(trial: Trial, device: ModuleSamples, setup: Setup) -> _Raw:
     run, log = _run(device), robot_rows(trial.robot)
-    own_angles = has_angles(run)
-    clock = match_trial(trial, setup) if own_angles else None
+    clock = match_trial(trial, setup) if has_angles(run) else None
     t_device = run.t_us.astype(np.float64) * 1e-6
     t_robot = log.t if clock is None else clock.to_device(log.t)
     rate_device, usable = nominal_rate(t_device), usable_samples(run)
@@ -273,17 +272,11 @@ def _on_device_clock(trial: Trial, device: ModuleSamples, setup: Setup) -> _Raw:
         )
     grid = common_grid(start, end, meeting * thin)
     on_robot = _RobotOnGrid(log, t_robot, grid)
-    felt = None
-    if setup.accelerometer is not None:
-        # What the sensor felt at t comes out delay_s later.
-        t_felt = t_device - setup.accelerometer.delay_s
-        felt = onto_grid(t_felt, specific_force(run, setup.accelerometer), usable, grid)
+    theta, felt = _module_on_grid(run, setup, t_device, usable, grid)
     return _Raw(
         grid=grid,
         thin=thin,
-        theta=onto_grid(t_device, joint_angles(run, setup.encoder), usable, grid)
-        if own_angles
-        else on_robot.theta,
+        theta=on_robot.theta if theta is None else theta,
         specific_force=felt,
         tau=on_robot.tau,
         force=on_robot.force,
@@ -291,6 +284,22 @@ def _on_device_clock(trial: Trial, device: ModuleSamples, setup: Setup) -> _Raw:
         valid=bridged(t_device, usable, grid) & on_robot.valid,
         clock=clock,
     )
+
+
+def _module_on_grid(
+    run: ModuleSamples, setup: Setup, t: Floats, usable: Mask, grid: Grid
+) -> tuple[Floats | None, Floats | None]:
+    """Angles (N, n) and specific force (N, 2) on the grid, None for what the module does not measure."""
+    theta = joint_angles(run, setup.encoder) if has_angles(run) else None
+    if setup.accelerometer is None:
+        return None if theta is None else onto_grid(t, theta, usable, grid), None
+    felt, delay_s = specific_force(run, setup.accelerometer), setup.accelerometer.delay_s
+    if theta is None or delay_s != 0.0:
+        # What the sensor felt at t comes out delay_s later.
+        later = onto_grid(t - delay_s, felt, usable, grid)
+        return None if theta is None else onto_grid(t, theta, usable, grid), later
+    together = onto_grid(t, np.concatenate([theta, felt], axis=1), usable, grid)
+    return together[:, :-2], together[:, -2:]
 
 
 def _on_robot_clock(trial: Trial) -> _Raw:
