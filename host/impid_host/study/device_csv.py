@@ -5,9 +5,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from impid_host.errors import InputError
 from impid_host.samples import FLAG_RESET, DeviceSamples, ForeignSamples, ModuleSamples, Samples, rows_of
+from impid_host.signals.counts import NARROW_BITS, counter_bits, encoder_counts
 from impid_host.study.csv_table import CsvTable, read_columns, read_header, write_columns
 from impid_host.study.notices import notice
 
@@ -22,6 +24,7 @@ _TYPES: dict[str, np.dtype[Any]] = {
 }
 _FLOAT = np.dtype(np.float64)
 _ACCELERATION = ("acc_x", "acc_y")
+_SHORTEST_JUMP_S = 0.1
 
 
 def read_device_samples(path: Path) -> ModuleSamples:
@@ -35,7 +38,8 @@ def read_device_samples(path: Path) -> ModuleSamples:
     warned about, as are samples that `seq` shows to be lost.
 
     Raises:
-        InputError: missing column, unreadable cell, time going backwards without a restart; names the row.
+        InputError: missing column, unreadable cell, time going backwards without a restart, or jumping though
+            no sample is missing; names the row.
     """
     header = read_header(path)
     counted = "enc1" in header or "enc2" in header
@@ -45,8 +49,11 @@ def read_device_samples(path: Path) -> ModuleSamples:
     else:
         table = read_columns(path, _TYPES, header=header)
         samples = DeviceSamples(**{name: table.columns[name] for name in _TYPES})
+    if "seq" in header:
+        _refuse_jump(samples, table)
     samples = _longest_stretch(samples, table)
     _report_losses(samples, path)
+    _report_wraps(samples, path)
     return samples
 
 
@@ -107,6 +114,36 @@ def _longest_stretch(samples: Samples, table: CsvTable) -> Samples:
     if keep.all():
         return samples
     return rows_of(samples, keep)
+
+
+def _refuse_jump(samples: ModuleSamples, table: CsvTable) -> None:
+    """A module's samples are numbered: where no number is missing, no time is either."""
+    step_s = np.diff(samples.t_us.astype(np.int64)) * 1e-6
+    usual = float(np.median(step_s)) if len(step_s) else 0.0
+    following = np.diff(samples.seq.astype(np.int64)) == 1
+    jumped = following & (step_s > max(_SHORTEST_JUMP_S, 20 * usual)) & ~_restarted(samples)[1:]
+    if jumped.any():
+        index = int(np.argmax(jumped)) + 1
+        what = f"t_us jumps by {step_s[index - 1]:.6g} s though seq goes on"
+        raise InputError(
+            table.path,
+            what,
+            "correct the stamps, or cut the trial there",
+            row=table.row(index),
+            check="time.jump",
+            evidence={"jump_s": float(step_s[index - 1])},
+        )
+
+
+def _restarted(samples: ModuleSamples) -> NDArray[np.bool_]:
+    return (samples.flags & FLAG_RESET) != 0
+
+
+def _report_wraps(samples: ModuleSamples, path: Path) -> None:
+    counts = encoder_counts(samples)
+    for name, column in zip(("enc1", "enc2"), counts or (), strict=False):
+        if counter_bits(column) == NARROW_BITS:
+            notice(f"{path}: {name} is a 16-bit counter that wraps; its turns are put together again")
 
 
 def _report_losses(samples: ModuleSamples, path: Path) -> None:

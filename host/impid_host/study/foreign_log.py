@@ -41,16 +41,24 @@ class CsvLog:
         self.path = path
         self._dialect = dialect
         self._header = read_header(path, dialect)
+        self._columns: dict[str, NDArray[np.float64]] = {}
 
     def names(self) -> list[str]:
         return self._header
 
     def column(self, name: str) -> NDArray[np.float64]:
-        types = {name: np.dtype(np.float64)}
-        table = read_columns(
-            self.path, types, header=self._header, may_be_empty=(name,), dialect=self._dialect
-        )
-        return np.asarray(table.columns[name], dtype=np.float64)
+        if name not in self._columns:
+            types = {name: np.dtype(np.float64)}
+            table = read_columns(
+                self.path,
+                types,
+                header=self._header,
+                may_be_empty=(name,),
+                clocks=(name,),
+                dialect=self._dialect,
+            )
+            self._columns[name] = np.asarray(table.columns[name], dtype=np.float64)
+        return self._columns[name]
 
     def row(self, index: int) -> int:
         return CsvTable(self.path, {}, self._dialect).row(index)

@@ -48,17 +48,18 @@ def import_logs(logs: Sequence[Path], mapping_path: Path, name: str) -> Study:
     """
     mapping = read_mapping(mapping_path)
     trials: dict[str, Trial] = {}
-    used: set[Path] = set()
+    opened: dict[Path, ForeignLog] = {}
     for index, rule in enumerate(mapping.trials):
         for log in _logs_of(rule, logs, mapping.path, index):
-            trial = _import_trial(log, rule, mapping, index)
+            if log not in opened:
+                opened[log] = open_log(log, mapping.file_format, mapping.dialect)
+            trial = _import_trial(opened[log], rule, mapping, index)
             if trial.name in trials:
                 remedy = "give each [[trial]] its own name"
                 raise InputError(mapping.path, f"two trials are called {trial.name}", remedy)
             trials[trial.name] = trial
-            used.add(log)
     for log in logs:
-        if log not in used:
+        if log not in opened:
             notice(f"{log}: no [[trial]] of {mapping.path} takes this file; it was not imported")
     return Study(name=name, setup=mapping.setup, trials=tuple(trials[key] for key in sorted(trials)))
 
@@ -78,19 +79,19 @@ def _logs_of(rule: TrialRule, logs: Sequence[Path], mapping_path: Path, index: i
     return matching
 
 
-def _import_trial(path: Path, rule: TrialRule, mapping: Mapping, index: int) -> Trial:
-    name = (rule.name or "{stem}").replace("{stem}", re.sub(r"[^A-Za-z0-9_.+-]+", "_", path.stem).lstrip("."))
+def _import_trial(log: ForeignLog, rule: TrialRule, mapping: Mapping, index: int) -> Trial:
+    stem = re.sub(r"[^A-Za-z0-9_.+-]+", "_", log.path.stem).lstrip(".")
+    name = (rule.name or "{stem}").replace("{stem}", stem)
     if not name or Path(name).name != name or "\0" in name or name.startswith("."):
         raise InputError(
             mapping.path, f"trial[{index}]: {name!r} cannot name a folder", "use a name such as free_01"
         )
     head = head_from_table(rule.head, mapping.path, name, prefix=f"trial[{index}]")
-    log = _robot_log(open_log(path, mapping.file_format, mapping.dialect), rule, mapping)
     return Trial(
         name=name,
         kind=head.kind,
         load=head.load,
-        robot=log,
+        robot=_robot_log(log, rule, mapping),
         on=head.on,
         payload_kg=head.payload_kg,
         note=head.note,

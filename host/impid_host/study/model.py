@@ -158,6 +158,7 @@ class RobotLog:
         perturbation: commanded perturbation force (N, base frame), shape (N, 2), or None.
         sync: level of the sync line, shape (N,), or None.
         stamps: how `t` was recovered where the file's stamps were coarse or in bursts; None: as written.
+        t_written: those stamps, shape (N,), or None.
     """
 
     t: Floats
@@ -167,6 +168,7 @@ class RobotLog:
     perturbation: Floats | None = None
     sync: NDArray[np.uint8] | None = None
     stamps: StampFit | None = None
+    t_written: Floats | None = None
 
     def __len__(self) -> int:
         return len(self.t)
