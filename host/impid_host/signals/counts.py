@@ -15,7 +15,6 @@ from impid_host.samples import (
 from impid_host.signals.arrays import Floats, Mask
 from impid_host.study.model import STANDARD_GRAVITY_M_S2, AccelerometerSetup, EncoderSetup
 
-
 NARROW_BITS = 16
 # Between two samples a 16-bit counter moves by far less than half its range; a wrap by nearly all of it.
 _NARROW_MOTION = 1 << 13
@@ -32,16 +31,15 @@ def counter_bits(counts: NDArray[np.int32]) -> int:
     return NARROW_BITS if far.any() and wraps.all() else 32
 
 
-def unwrap_counts(counts: NDArray[np.int32]) -> NDArray[np.int64]:
-    """Continue a signed counter across its wraps, shape (N,); the first value stays as it is.
+def unwrap_counts(counts: NDArray[np.int32], bits: int = 32) -> NDArray[np.int64]:
+    """Continue a signed counter of so many bits across its wraps, shape (N,); the first value stays as it is.
 
-    Two successive samples are assumed less than half the counter's range apart; a 16-bit counter is known by
-    its jumps (`counter_bits`).
+    Two successive samples are assumed less than half the counter's range apart.
     """
     wide = counts.astype(np.int64)
     if len(wide) == 0:
         return wide
-    half = 1 << (counter_bits(counts) - 1)
+    half = 1 << (bits - 1)
     steps = (np.diff(wide) + half) % (2 * half) - half
     return np.concatenate([wide[:1], wide[0] + np.cumsum(steps)])
 

@@ -5,11 +5,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from impid_host.errors import InputError
 from impid_host.samples import FLAG_RESET, DeviceSamples, ForeignSamples, ModuleSamples, Samples, rows_of
-from impid_host.signals.counts import NARROW_BITS, counter_bits, encoder_counts
+from impid_host.signals.arrays import Floats
 from impid_host.study.csv_table import CsvTable, read_columns, read_header, write_columns
 from impid_host.study.notices import notice
 
@@ -53,7 +52,6 @@ def read_device_samples(path: Path) -> ModuleSamples:
         _refuse_jump(samples, table)
     samples = _longest_stretch(samples, table)
     _report_losses(samples, path)
-    _report_wraps(samples, path)
     return samples
 
 
@@ -118,10 +116,12 @@ def _longest_stretch(samples: Samples, table: CsvTable) -> Samples:
 
 def _refuse_jump(samples: ModuleSamples, table: CsvTable) -> None:
     """A module's samples are numbered: where no number is missing, no time is either."""
-    step_s = np.diff(samples.t_us.astype(np.int64)) * 1e-6
+    step_s: Floats = np.diff(samples.t_us.astype(np.int64)).astype(np.float64) * 1e-6
     usual = float(np.median(step_s)) if len(step_s) else 0.0
     following = np.diff(samples.seq.astype(np.int64)) == 1
-    jumped = following & (step_s > max(_SHORTEST_JUMP_S, 20 * usual)) & ~_restarted(samples)[1:]
+    jumped = (
+        following & (step_s > max(_SHORTEST_JUMP_S, 20 * usual)) & ((samples.flags[1:] & FLAG_RESET) == 0)
+    )
     if jumped.any():
         index = int(np.argmax(jumped)) + 1
         what = f"t_us jumps by {step_s[index - 1]:.6g} s though seq goes on"
@@ -133,17 +133,6 @@ def _refuse_jump(samples: ModuleSamples, table: CsvTable) -> None:
             check="time.jump",
             evidence={"jump_s": float(step_s[index - 1])},
         )
-
-
-def _restarted(samples: ModuleSamples) -> NDArray[np.bool_]:
-    return (samples.flags & FLAG_RESET) != 0
-
-
-def _report_wraps(samples: ModuleSamples, path: Path) -> None:
-    counts = encoder_counts(samples)
-    for name, column in zip(("enc1", "enc2"), counts or (), strict=False):
-        if counter_bits(column) == NARROW_BITS:
-            notice(f"{path}: {name} is a 16-bit counter that wraps; its turns are put together again")
 
 
 def _report_losses(samples: ModuleSamples, path: Path) -> None:

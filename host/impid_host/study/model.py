@@ -179,6 +179,7 @@ class Trial:
     """One trial folder. `load` names what was on the end-effector; trials of one load share it.
 
     `session` is what its own trial.toml says; `Study.session_of` adds what setup.toml says for all.
+    `narrow_counters` are the joints (from 0) whose 16-bit counter wrapped, which the reader has undone.
     """
 
     name: str
@@ -190,6 +191,7 @@ class Trial:
     payload_kg: float | None = None
     note: str = ""
     session: Session = Session()
+    narrow_counters: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
