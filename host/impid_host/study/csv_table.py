@@ -123,11 +123,13 @@ def read_columns(
     may_be_empty: Sequence[str] = (),
     clocks: Sequence[str] = (),
     dialect: CsvDialect = STUDY_DIALECT,
+    broken: dict[int, InputError] | None = None,
 ) -> CsvTable:
     """Read the columns `wanted` (name -> dtype) of a CSV file whose header is `header`, in any order.
 
     An empty cell or NaN is an error in every column but those of `may_be_empty`, where it becomes NaN. In a
-    column of `clocks` a time such as 14:03:07.125 becomes seconds.
+    column of `clocks` a time such as 14:03:07.125 becomes seconds. With `broken`, cells of columns of floats
+    that cannot be read become NaN, and what is wrong is noted there by data row.
 
     Raises:
         InputError: a column is missing or there twice, a cell holds no number that fits, or there is no row.
@@ -139,7 +141,7 @@ def read_columns(
             _Column(name, header.index(name), dtype, name in may_be_empty, name in clocks)
             for name, dtype in wanted.items()
         ]
-        columns = _read_carefully(path, cells, len(header), dialect)
+        columns = _read_carefully(path, cells, len(header), dialect, broken)
     if len(next(iter(columns.values()))) == 0:
         raise InputError(path, "has a header but no rows", "the log was never filled; record it again")
     return CsvTable(path, columns, dialect)
@@ -149,11 +151,25 @@ def _check_header(path: Path, wanted: Mapping[str, np.dtype[Any]], header: Seque
     missing = [name for name in wanted if name not in header]
     if missing:
         there = ", ".join(header) if len(header) <= 30 else ", ".join(header[:30]) + ", ..."
-        remedy = "write comma-separated columns with these names, or use `impid-host import`"
+        remedy = hint_at_delimiter(header) or (
+            "write comma-separated columns with these names, or use `impid-host import`"
+        )
         raise InputError(path, f"has no column {', '.join(missing)} (it has: {there})", remedy, row=1)
     twice = [name for name in wanted if header.count(name) > 1]
     if twice:
         raise InputError(path, f"has column {twice[0]} twice", "rename or remove one of them", row=1)
+
+
+def hint_at_delimiter(header: Sequence[str]) -> str:
+    """What to say in a mapping where the whole header looks like one name; else nothing."""
+    if len(header) == 1:
+        for character, written in ((";", ";"), ("\t", "\\t"), (",", ","), (" ", "whitespace")):
+            if character in header[0]:
+                return (
+                    f'the columns are separated otherwise: say [log] delimiter = "{written}" in a mapping '
+                    "for `impid-host import`"
+                )
+    return ""
 
 
 def _read_fast(
@@ -203,33 +219,55 @@ class _Column:
 
 
 def _read_carefully(
-    path: Path, wanted: Sequence[_Column], width: int, dialect: CsvDialect
+    path: Path,
+    wanted: Sequence[_Column],
+    width: int,
+    dialect: CsvDialect,
+    broken: dict[int, InputError] | None,
 ) -> dict[str, NDArray[Any]]:
     """The columns cell by cell.
 
     Raises:
-        InputError: at the first cell that holds no fitting number.
+        InputError: at the first cell that holds no fitting number, unless `broken` takes it.
     """
     values: dict[str, array[Any]] = {column.name: array(column.dtype.char) for column in wanted}
     clocks: set[str] = set()
-    for row, cells in _rows(path, dialect):
+    for index, (row, cells) in enumerate(_rows(path, dialect)):
         if len(cells) != width:
-            remedy = "complete or delete that row (a cut-off last row is what a power cut leaves)"
-            if dialect.delimiter == "," and len(cells) > width:
-                remedy += '; a decimal comma needs [log] decimal = "," and another delimiter in the mapping'
-            raise InputError(path, f"has {len(cells)} cells where there are {width} columns", remedy, row=row)
+            error = _wrong_width(path, row, cells, width, dialect)
+            if broken is None:
+                raise error
+            broken.setdefault(index, error)
         for column in wanted:
-            written = cells[column.place]
+            written = cells[column.place] if column.place < len(cells) else ""
             text = written if dialect.decimal == "." else written.replace(dialect.decimal, ".")
-            if column.clock and ":" in text:
-                values[column.name].append(_clock(path, row, column.name, text))
-                clocks.add(column.name)
-            else:
-                values[column.name].append(_number(path, row, column, text))
+            try:
+                if column.clock and ":" in text:
+                    values[column.name].append(_clock(path, row, column.name, text))
+                    clocks.add(column.name)
+                else:
+                    values[column.name].append(_number(path, row, column, text))
+            except InputError as error:
+                if broken is None or column.dtype.kind != "f":
+                    raise
+                broken.setdefault(index, error)
+                values[column.name].append(math.nan)
     columns = {
         column.name: np.frombuffer(values[column.name], dtype=column.dtype).copy() for column in wanted
     }
     return columns | {name: across_midnight(columns[name]) for name in clocks}
+
+
+def _wrong_width(path: Path, row: int, cells: list[str], width: int, dialect: CsvDialect) -> InputError:
+    remedy = "complete or delete that row (a cut-off last row is what a power cut leaves)"
+    if dialect.delimiter == "," and any(";" in cell for cell in cells):
+        remedy = (
+            'if cells are separated by semicolons, say [log] delimiter = ";" (and decimal = ",") in a mapping'
+        )
+    elif dialect.delimiter == "," and len(cells) > width:
+        remedy += '; a decimal comma needs [log] decimal = "," and another delimiter in a mapping'
+    what = f"has {len(cells)} cells where there are {width} columns"
+    return InputError(path, what, remedy, row=row)
 
 
 def _clock(path: Path, row: int, name: str, text: str) -> float:

@@ -5,7 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from impid_host.errors import InputError
-from impid_host.samples import ModuleSamples
+from impid_host.samples import DeviceSamples, ModuleSamples
 from impid_host.signals.counts import encoder_counts
 from impid_host.study.device_csv import read_device_samples, write_device_samples
 from impid_host.study.model import EncoderSetup, Setup, Study, Trial
@@ -84,6 +84,10 @@ def _read_device(path: Path, setup: Setup) -> ModuleSamples:
         if needed and there is None:
             remedy = f"add {table} to setup.toml, or remove device.csv"
             raise InputError(path, f"is there, but setup.toml has no {table}", remedy)
+    coded = isinstance(device, DeviceSamples) or device.codes is not None
+    if coded and setup.accelerometer is not None and not setup.accelerometer.reads_codes:
+        remedy = "add vref_V, full_scale_code, zero_g_V and sensitivity_V_per_g to its [accelerometer]"
+        raise InputError(path, "has codes ax, ay, which setup.toml does not explain", remedy)
     return device
 
 

@@ -1,6 +1,7 @@
 """A study in memory, as the study folder describes it: apparatus, trials, raw samples and torque logs."""
 
 import datetime
+import math
 from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Literal
@@ -61,6 +62,14 @@ class AccelerometerSetup:
     mount_angle_rad: float
     axis_angles_rad: tuple[float, float] = (0.0, 0.0)
     delay_s: float = 0.0
+
+    @property
+    def reads_codes(self) -> bool:
+        """Whether the setup says what the converter's codes mean; else the module gives m/s^2 itself."""
+        return self.full_scale_code > 0
+
+
+NO_CODES = AccelerometerSetup("", math.nan, 0, (math.nan, math.nan), (math.nan, math.nan), "link2", 0.0)
 
 
 @dataclass(frozen=True, slots=True)

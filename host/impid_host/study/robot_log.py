@@ -15,7 +15,7 @@ from impid_host.study.stamps import clock_jump, recovered
 
 FORCE_PAIRS = (("fx", "fy"), ("fdx", "fdy"))
 # No arm, spring or laboratory robot gets near these; a larger value is a wrong unit or a broken cell.
-_LIMIT = {"t": 1e11, "theta": 1e5, "tau": 1e6, "f": 1e6}
+LIMIT = {"t": 1e11, "theta": 1e5, "tau": 1e6, "f": 1e6}
 
 
 class LogTable(Protocol):
@@ -84,7 +84,7 @@ def _check_values(table: LogTable) -> None:
             wrong = column > 1
             what = "a level other than 0 and 1"
         else:
-            limit = _LIMIT[next(kind for kind in ("theta", "tau", "t", "f") if name.startswith(kind))]
+            limit = LIMIT[next(kind for kind in ("theta", "tau", "t", "f") if name.startswith(kind))]
             with np.errstate(invalid="ignore"):
                 wrong = np.abs(column) > limit
             what = f"a magnitude above {limit:.0e}, which nothing measured has"
