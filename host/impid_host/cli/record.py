@@ -268,7 +268,9 @@ def _conclude(outcome: Outcome, order: _Order) -> None:
     if outcome.ending == "disconnected":
         raise LinkError(f"{outcome.trouble}; what was recorded until then is kept in {out}")
     if outcome.ending == "disk-full":
-        missing = outcome.progress.counts.stored - stored
+        missing = (
+            outcome.progress.counts.stored - stored - sum(ledger.surplus for ledger in recording.ledgers)
+        )
         raise LinkError(f"{outcome.trouble}; {missing} samples that had arrived are missing at its end")
     if recording.warnings:
         raise LinkError(recording.warnings[0])
