@@ -18,7 +18,7 @@ from impid_host.study.mapping import ColumnRule, Mapping, TrialRule, read_mappin
 from impid_host.study.model import Floats, RobotLog, Study, Trial
 from impid_host.study.notices import notice
 from impid_host.study.robot_log import LIMIT, robot_log
-from impid_host.study.trial_file import head_from_table
+from impid_host.study.trial_file import TrialHead, head_from_table
 
 _MAY_BE_NAN = ("fx", "fy", "fdx", "fdy")
 
@@ -63,6 +63,39 @@ def import_logs(logs: Sequence[Path], mapping_path: Path, name: str) -> Study:
         if log not in opened:
             notice(f"{log}: no [[trial]] of {mapping.path} takes this file; it was not imported")
     return Study(name=name, setup=mapping.setup, trials=tuple(trials[key] for key in sorted(trials)))
+
+
+@dataclass(frozen=True, slots=True)
+class MappedLog:
+    """A robot's log read by a mapping, and what its [[trial]] says of the trial."""
+
+    robot: RobotLog
+    head: TrialHead
+
+
+def read_mapped_log(path: Path, mapping: Mapping, trial_name: str) -> MappedLog:
+    """One robot's log as the mapping has it; of several [[trial]] that take the file, the one of this name.
+
+    Raises:
+        InputError: no [[trial]] takes this file, or several do, or the log cannot be used.
+    """
+    taking = [
+        (index, rule)
+        for index, rule in enumerate(mapping.trials)
+        if rule.file is None or fnmatchcase(path.name, rule.file)
+    ]
+    named = [(index, rule) for index, rule in taking if rule.name == trial_name]
+    chosen = named if len(taking) > 1 else taking
+    if len(chosen) != 1:
+        found = "no [[trial]] takes" if not taking else f"{len(taking)} [[trial]] take"
+        remedy = f'let one take it by file = "{path.name}"' + (
+            f' and name = "{trial_name}"' if taking else ""
+        )
+        raise InputError(mapping.path, f"{found} {path.name}", remedy)
+    index, rule = chosen[0]
+    head = head_from_table(rule.head, mapping.path, trial_name, prefix=f"trial[{index}]")
+    robot, _ = _logs(open_log(path, mapping.file_format, mapping.dialect), rule, mapping)
+    return MappedLog(robot, head)
 
 
 def _logs_of(rule: TrialRule, logs: Sequence[Path], mapping_path: Path, index: int) -> list[Path]:
