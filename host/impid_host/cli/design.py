@@ -293,6 +293,11 @@ def _contact(
             "the modified perturbation needs a two-joint robot with [prior] alpha",
             "identify the robot with `impid-host fit` and enter its alpha",
         )
+    if len(setup.prior_alpha) != len(model.parameter_names):
+        what = (
+            f"[prior] alpha has {len(setup.prior_alpha)} numbers, {model.name} {len(model.parameter_names)}"
+        )
+        raise InputError(path, what, f"give {', '.join(model.parameter_names)}")
     theta = np.deg2rad(np.array([angles_deg]))
     alpha = np.array(setup.prior_alpha)
     still = np.zeros((1, 2))
