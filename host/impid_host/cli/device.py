@@ -283,11 +283,12 @@ def _keep(found: AccelerometerCalibration, out: Path, client: BoardClient | None
         raise InputError(out, f"cannot be written ({error.strerror})", "choose another place") from None
     click.echo(str(found))
     click.echo(
-        f"written to {out}; give it to `impid-host record --calibration` to have it in every recording"
+        f"written to {out}; give it to `impid-host record --calibration` or to `impid-host export "
+        "--calibration`: export and fit then use these numbers in place of setup.toml's"
     )
     if client is not None:
         client.store(found.board_settings())
-        click.echo("stored on the board")
+        click.echo("stored on the board; recordings that it makes carry them, and export and fit use them")
 
 
 def _angles(text: str | None) -> np.ndarray | None:

@@ -24,7 +24,7 @@ def command(logs: tuple[Path, ...], mapping: Path, out: Path) -> None:
 
     \b
     Example:
-      impid-host import DATA_EMPS.mat --mapping docs/mappings/emps.toml --out emps/
+      impid-host import DATA_EMPS.mat --mapping docs/mappings/emps_mat.toml --out emps/
     """
     with notices_as_lines(lambda line: click.echo(line, err=True)):
         study = import_logs(logs, mapping, out.resolve().name)

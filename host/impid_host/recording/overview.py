@@ -94,6 +94,7 @@ def _run(recording: Recording, segment: Segment) -> dict[str, Any]:
         "duration_s": (int(t_us[-1]) - int(t_us[0]) + SAMPLE_PERIOD_US) * 1e-6,
         "stored": ledger.stored,
         "lost": ledger.lost,
+        "surplus": ledger.surplus,
         "produced": ledger.produced,
         "balanced": ledger.balanced,
         "books": str(ledger),

@@ -15,17 +15,32 @@ from impid_host.samples import (
 from impid_host.signals.arrays import Floats, Mask
 from impid_host.study.model import STANDARD_GRAVITY_M_S2, AccelerometerSetup, EncoderSetup
 
+NARROW_BITS = 16
+# Between two samples a 16-bit counter moves by far less than half its range; a wrap by nearly all of it.
+_NARROW_MOTION = 1 << 13
 
-def unwrap_counts(counts: NDArray[np.int32]) -> NDArray[np.int64]:
-    """Continue a signed 32-bit counter across its wraps, shape (N,); the first value stays as it is.
 
-    Two successive samples are assumed less than 2**31 counts apart.
+def counter_bits(counts: NDArray[np.int32]) -> int:
+    """How wide the counter is, (N,): 32 bits, or 16 where it stays within them and jumps by all of them."""
+    wide = counts.astype(np.int64)
+    if len(wide) < 2 or wide.max() - wide.min() >= 1 << NARROW_BITS:
+        return 32
+    steps = np.abs(np.diff(wide))
+    far = steps > _NARROW_MOTION
+    wraps = (1 << NARROW_BITS) - steps[far] < _NARROW_MOTION
+    return NARROW_BITS if far.any() and wraps.all() else 32
+
+
+def unwrap_counts(counts: NDArray[np.int32], bits: int = 32) -> NDArray[np.int64]:
+    """Continue a signed counter of so many bits across its wraps, shape (N,); the first value stays as it is.
+
+    Two successive samples are assumed less than half the counter's range apart.
     """
     wide = counts.astype(np.int64)
     if len(wide) == 0:
         return wide
-    steps = np.diff(wide)
-    steps = (steps + 2**31) % 2**32 - 2**31
+    half = 1 << (bits - 1)
+    steps = (np.diff(wide) + half) % (2 * half) - half
     return np.concatenate([wide[:1], wide[0] + np.cumsum(steps)])
 
 
@@ -54,6 +69,11 @@ def joint_angles(device: ModuleSamples, encoder: EncoderSetup | None) -> Floats:
     ]
     angles: Floats = np.stack(columns, axis=1)
     return angles
+
+
+def has_angles(device: ModuleSamples) -> bool:
+    """Whether the module knows the joints' angles, so that its clock can be matched by them."""
+    return isinstance(device, DeviceSamples) or device.theta is not None or device.counts is not None
 
 
 def encoder_counts(device: ModuleSamples) -> tuple[NDArray[np.int32], NDArray[np.int32]] | None:

@@ -8,6 +8,7 @@ import numpy as np
 
 from impid_host.errors import InputError
 from impid_host.samples import FLAG_RESET, DeviceSamples, ForeignSamples, ModuleSamples, Samples, rows_of
+from impid_host.signals.arrays import Floats
 from impid_host.study.csv_table import CsvTable, read_columns, read_header, write_columns
 from impid_host.study.notices import notice
 
@@ -22,6 +23,7 @@ _TYPES: dict[str, np.dtype[Any]] = {
 }
 _FLOAT = np.dtype(np.float64)
 _ACCELERATION = ("acc_x", "acc_y")
+_SHORTEST_JUMP_S = 0.1
 
 
 def read_device_samples(path: Path) -> ModuleSamples:
@@ -35,7 +37,8 @@ def read_device_samples(path: Path) -> ModuleSamples:
     warned about, as are samples that `seq` shows to be lost.
 
     Raises:
-        InputError: missing column, unreadable cell, time going backwards without a restart; names the row.
+        InputError: missing column, unreadable cell, time going backwards without a restart, or jumping though
+            no sample is missing; names the row.
     """
     header = read_header(path)
     counted = "enc1" in header or "enc2" in header
@@ -45,6 +48,8 @@ def read_device_samples(path: Path) -> ModuleSamples:
     else:
         table = read_columns(path, _TYPES, header=header)
         samples = DeviceSamples(**{name: table.columns[name] for name in _TYPES})
+    if "seq" in header:
+        _refuse_jump(samples, table)
     samples = _longest_stretch(samples, table)
     _report_losses(samples, path)
     return samples
@@ -107,6 +112,27 @@ def _longest_stretch(samples: Samples, table: CsvTable) -> Samples:
     if keep.all():
         return samples
     return rows_of(samples, keep)
+
+
+def _refuse_jump(samples: ModuleSamples, table: CsvTable) -> None:
+    """A module's samples are numbered: where no number is missing, no time is either."""
+    step_s: Floats = np.diff(samples.t_us.astype(np.int64)).astype(np.float64) * 1e-6
+    usual = float(np.median(step_s)) if len(step_s) else 0.0
+    following = np.diff(samples.seq.astype(np.int64)) == 1
+    jumped = (
+        following & (step_s > max(_SHORTEST_JUMP_S, 20 * usual)) & ((samples.flags[1:] & FLAG_RESET) == 0)
+    )
+    if jumped.any():
+        index = int(np.argmax(jumped)) + 1
+        what = f"t_us jumps by {step_s[index - 1]:.6g} s though seq goes on"
+        raise InputError(
+            table.path,
+            what,
+            "correct the stamps, or cut the trial there",
+            row=table.row(index),
+            check="time.jump",
+            evidence={"jump_s": float(step_s[index - 1])},
+        )
 
 
 def _report_losses(samples: ModuleSamples, path: Path) -> None:

@@ -1,6 +1,7 @@
 """A study in memory, as the study folder describes it: apparatus, trials, raw samples and torque logs."""
 
 import datetime
+import math
 from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Literal
@@ -61,6 +62,14 @@ class AccelerometerSetup:
     mount_angle_rad: float
     axis_angles_rad: tuple[float, float] = (0.0, 0.0)
     delay_s: float = 0.0
+
+    @property
+    def reads_codes(self) -> bool:
+        """Whether the setup says what the converter's codes mean; else the module gives m/s^2 itself."""
+        return self.full_scale_code > 0
+
+
+NO_CODES = AccelerometerSetup("", math.nan, 0, (math.nan, math.nan), (math.nan, math.nan), "link2", 0.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -158,6 +167,7 @@ class RobotLog:
         perturbation: commanded perturbation force (N, base frame), shape (N, 2), or None.
         sync: level of the sync line, shape (N,), or None.
         stamps: how `t` was recovered where the file's stamps were coarse or in bursts; None: as written.
+        t_written: those stamps, shape (N,), or None.
     """
 
     t: Floats
@@ -167,6 +177,7 @@ class RobotLog:
     perturbation: Floats | None = None
     sync: NDArray[np.uint8] | None = None
     stamps: StampFit | None = None
+    t_written: Floats | None = None
 
     def __len__(self) -> int:
         return len(self.t)
@@ -177,6 +188,7 @@ class Trial:
     """One trial folder. `load` names what was on the end-effector; trials of one load share it.
 
     `session` is what its own trial.toml says; `Study.session_of` adds what setup.toml says for all.
+    `narrow_counters` are the joints (from 0) whose 16-bit counter wrapped, which the reader has undone.
     """
 
     name: str
@@ -188,6 +200,7 @@ class Trial:
     payload_kg: float | None = None
     note: str = ""
     session: Session = Session()
+    narrow_counters: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

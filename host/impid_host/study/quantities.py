@@ -7,7 +7,14 @@ import pint
 from impid_host.robot.model import ROBOTS
 from impid_host.study.model import RobotModelName
 
-_NAMES = {"s": "a time", "rad": "an angle", "m": "a length", "N": "a force", "N*m": "a torque"}
+_NAMES = {
+    "s": "a time",
+    "rad": "an angle",
+    "m": "a length",
+    "N": "a force",
+    "N*m": "a torque",
+    "m/s^2": "an acceleration",
+}
 
 
 class UnitError(ValueError):
@@ -15,13 +22,15 @@ class UnitError(ValueError):
 
 
 def si_unit(column: str, model: RobotModelName) -> str:
-    """The SI unit of a column of `robot.csv` under a robot model ("" for `sync`)."""
+    """The SI unit of a column of `robot.csv`, or of `acc_x, acc_y`, under a robot model ("" for `sync`)."""
     if column == "t":
         return "s"
     if column == "sync":
         return ""
     if column.startswith("theta"):
         return "m" if ROBOTS[model].slides else "rad"
+    if column.startswith("acc_"):
+        return "m/s^2"
     if column.startswith("tau"):
         return "N" if ROBOTS[model].slides else "N*m"
     return "N"
@@ -40,6 +49,8 @@ def factor_to_si(unit: str, target: str) -> float:
         factor = float(one.to(target or "dimensionless").magnitude)
         is_angle = str(one.to_root_units().units) == "radian"
     except pint.DimensionalityError:
+        if unit == "g" and target == "m/s^2":
+            raise UnitError('unit "g" is the gram; write "standard_gravity" for 9.80665 m/s^2') from None
         raise UnitError(f'unit "{unit}" has another dimension; {wanted}') from None
     except Exception:  # the unit parser raises whatever its tokenizer stumbles over
         raise UnitError(f'unit "{unit[:40]}" is not known; {wanted}') from None

@@ -11,6 +11,7 @@ from pydantic import Field, field_validator, model_validator
 from impid_host.errors import InputError
 from impid_host.robot.model import ROBOTS
 from impid_host.study.model import (
+    NO_CODES,
     AccelerometerSetup,
     EncoderSetup,
     ForceSensor,
@@ -24,6 +25,7 @@ from impid_host.study.toml_file import Table, load_toml, validate
 
 FORMAT = "impid-study/1"
 _DEFAULT = Tolerance()
+_OF_CODES = ("vref_V", "full_scale_code", "zero_g_V", "sensitivity_V_per_g")
 
 Positive = Annotated[float, Field(gt=0)]
 Pair = Annotated[list[float], Field(min_length=2, max_length=2)]
@@ -69,10 +71,10 @@ class _Encoder(Table):
 
 class _Accelerometer(Table):
     part: str = "ADXL203"
-    vref_V: Positive
-    full_scale_code: Annotated[int, Field(gt=0)]
-    zero_g_V: Pair
-    sensitivity_V_per_g: Pair
+    vref_V: Positive | None = None
+    full_scale_code: Annotated[int, Field(gt=0)] | None = None
+    zero_g_V: Pair | None = None
+    sensitivity_V_per_g: Pair | None = None
     mount: Literal["link2", "fixed"] = "link2"
     mount_angle_rad: float = 0.0
     axis_angles_rad: Pair = Field(default_factory=lambda: [0.0, 0.0])
@@ -80,7 +82,13 @@ class _Accelerometer(Table):
 
     @model_validator(mode="after")
     def _sensitive(self) -> Self:
-        if 0 in self.sensitivity_V_per_g:
+        given = [name for name in _OF_CODES if getattr(self, name) is not None]
+        if given and len(given) < len(_OF_CODES):
+            missing = next(name for name in _OF_CODES if name not in given)
+            raise ValueError(
+                f"{missing} is missing: codes need {', '.join(_OF_CODES)}, accelerations none of them"
+            )
+        if self.sensitivity_V_per_g is not None and 0 in self.sensitivity_V_per_g:
             raise ValueError("sensitivity_V_per_g must not be zero")
         return self
 
@@ -192,12 +200,13 @@ def _encoder(table: _Encoder | None) -> EncoderSetup | None:
 def _accelerometer(table: _Accelerometer | None) -> AccelerometerSetup | None:
     if table is None:
         return None
+    zero, gain = table.zero_g_V, table.sensitivity_V_per_g
     return AccelerometerSetup(
         part=table.part,
-        vref_V=table.vref_V,
-        full_scale_code=table.full_scale_code,
-        zero_g_V=(table.zero_g_V[0], table.zero_g_V[1]),
-        sensitivity_V_per_g=(table.sensitivity_V_per_g[0], table.sensitivity_V_per_g[1]),
+        vref_V=table.vref_V or NO_CODES.vref_V,
+        full_scale_code=table.full_scale_code or NO_CODES.full_scale_code,
+        zero_g_V=NO_CODES.zero_g_V if zero is None else (zero[0], zero[1]),
+        sensitivity_V_per_g=NO_CODES.sensitivity_V_per_g if gain is None else (gain[0], gain[1]),
         mount=table.mount,
         mount_angle_rad=table.mount_angle_rad,
         axis_angles_rad=(table.axis_angles_rad[0], table.axis_angles_rad[1]),
@@ -225,12 +234,15 @@ def setup_tables(setup: Setup) -> dict[str, Any]:
         }
     if setup.accelerometer is not None:
         sensor = setup.accelerometer
-        tables["accelerometer"] = {
-            "part": sensor.part,
+        codes: dict[str, Any] = {
             "vref_V": sensor.vref_V,
             "full_scale_code": sensor.full_scale_code,
             "zero_g_V": list(sensor.zero_g_V),
             "sensitivity_V_per_g": list(sensor.sensitivity_V_per_g),
+        }
+        tables["accelerometer"] = {
+            "part": sensor.part,
+            **(codes if sensor.reads_codes else {}),
             "mount": sensor.mount,
             "mount_angle_rad": sensor.mount_angle_rad,
         }

@@ -6,7 +6,7 @@ from itertools import groupby
 import numpy as np
 from numpy.typing import NDArray
 
-from impid_host.samples import DeviceSamples
+from impid_host.samples import DeviceSamples, rows_of
 
 
 @dataclass(frozen=True, slots=True)
@@ -142,3 +142,14 @@ def join_segments(pieces: list[Segment]) -> tuple[Segment, ...]:
             )
         )
     return tuple(joined)
+
+
+def until(segment: Segment, end: tuple[int, int] | None) -> Segment | None:
+    """What of a segment belongs to a recording that ends in some run with some stamp (us); None: nothing."""
+    if end is None or segment.run < end[0]:
+        return segment
+    count = int(np.searchsorted(segment.samples.t_us, end[1], side="right")) if segment.run == end[0] else 0
+    if count == 0:
+        return None
+    kept = slice(0, count)
+    return Segment(segment.boot_id, segment.run, segment.index[kept], rows_of(segment.samples, kept))
