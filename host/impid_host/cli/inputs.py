@@ -9,6 +9,7 @@ import click
 from impid_host.errors import InputError
 from impid_host.recording.reader import read_recording
 from impid_host.study.folder import read_study
+from impid_host.study.joints import logged_joints
 from impid_host.study.model import Setup, Study, Trial, TrialKind
 from impid_host.study.notices import notices_as_lines
 from impid_host.study.robot_csv import read_robot_log
@@ -43,6 +44,7 @@ def load_inputs(paths: Sequence[Path], robot_logs: Sequence[Path], setup: Path |
             raise InputError(paths[0], what, "give one --robot-log for each recording, in the same order")
         apparatus = read_setup(setup)
         trials = [_trial(path, log, apparatus) for path, log in zip(paths, robot_logs, strict=True)]
+        logged_joints(apparatus.robot, trials[0].robot.theta.shape[1], setup)
     return Study(paths[0].stem, apparatus, tuple(sorted(trials, key=lambda trial: trial.name)), source=None)
 
 

@@ -118,8 +118,8 @@ class _Solution:
 
 
 def enough_rows(stretches: Sequence[Stretch], parameters: int) -> bool:
-    """True where there are rows enough for a fit of so many parameters."""
-    return sum(len(stretch.target) for stretch in stretches) >= _ROWS_PER_PARAMETER * parameters
+    """True where there are rows enough, instants times channels, for a fit of so many parameters."""
+    return sum(stretch.target.size for stretch in stretches) >= _ROWS_PER_PARAMETER * parameters
 
 
 def fit_linear(
@@ -144,7 +144,10 @@ def fit_linear(
     parameters = len(names)
     rows = sum(len(stretch.target) for stretch in stretches)
     if not enough_rows(stretches, parameters):
-        raise UndeterminedError(f"{rows} usable rows for {parameters} parameters; longer trials are needed")
+        channels = stretches[0].target.shape[1] if stretches else 1
+        raise UndeterminedError(
+            f"{rows} usable instants of {channels} channels for {parameters} parameters; longer trials are needed"
+        )
     target = np.concatenate([stretch.target for stretch in stretches])
     size = float(np.sqrt(np.mean(target**2)))
     work = [_weighted(stretch, 1 / size if size > 0 else 1.0) for stretch in stretches]

@@ -5,6 +5,7 @@ from pathlib import Path
 
 from impid_host.errors import InputError
 from impid_host.study.device_csv import read_device_samples, write_device_samples
+from impid_host.study.joints import logged_joints
 from impid_host.study.model import Setup, Study, Trial
 from impid_host.study.robot_csv import read_robot_log, write_robot_log
 from impid_host.study.setup_file import read_setup, write_setup
@@ -31,6 +32,7 @@ def read_study(path: Path | str) -> Study:
     if not trials:
         remedy = "put each trial into a subfolder with trial.toml and robot.csv"
         raise InputError(folder, "holds no trials", remedy)
+    logged_joints(setup.robot, trials[0].robot.theta.shape[1], folder / "setup.toml")
     return Study(name=folder.resolve().name, setup=setup, trials=trials, source=folder)
 
 
