@@ -1,4 +1,4 @@
-"""Writes the URDFs of docs/mappings/urdf/: the kinematics of published robots, from their published DH tables.
+"""Writes the URDFs of docs/mappings/urdf/: kinematics of published robots, from their published DH tables.
 
 Base parameters depend on the joints' axes alone, so the links carry no inertia. Usage:
 `python scripts/urdf_from_dh.py docs/mappings/urdf`
@@ -58,8 +58,8 @@ ROBOTS = (
             (0.0, 0.0, -1),
             (0.0, 0.078, 0),
         ],
-        "C. Gaz, F. Flacco, A. De Luca, Identifying the dynamic model used by the KUKA LWR: a reverse engineering "
-        "approach, ICRA 2014, Table I; flange of the data sheet",
+        "C. Gaz, F. Flacco, A. De Luca, Identifying the dynamic model used by the KUKA LWR: a reverse "
+        "engineering approach, ICRA 2014, Table I; flange of the data sheet",
     ),
     Robot(
         "franka_panda",

@@ -57,7 +57,7 @@ class Channel:
         step = float(np.exp(1 / np.sqrt(2 * self.dof)))
         yield self._with(taps, sd * step), self._with(taps, sd / step)
         if len(taps):
-            # Lag products of a residual in a narrow band are near-singular: eigenvalues below rounding are none.
+            # A narrow band makes lag products near-singular: eigenvalues below rounding are none.
             power, axes = np.linalg.eigh(self.moments)
             power = np.maximum(power, _TINY * power[-1] + _SILENT)
             for direction in (sd / np.sqrt(self.dof) * axes / np.sqrt(power)).T:

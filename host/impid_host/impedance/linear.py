@@ -146,7 +146,8 @@ def fit_linear(
     if not enough_rows(stretches, parameters):
         channels = stretches[0].target.shape[1] if stretches else 1
         raise UndeterminedError(
-            f"{rows} usable instants of {channels} channels for {parameters} parameters; longer trials are needed"
+            f"{rows} usable instants of {channels} channels for {parameters} parameters; "
+            "longer trials are needed"
         )
     target = np.concatenate([stretch.target for stretch in stretches])
     size = float(np.sqrt(np.mean(target**2)))

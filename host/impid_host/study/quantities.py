@@ -5,7 +5,6 @@ from functools import cache
 
 import pint
 
-
 _NAMES = {"s": "a time", "rad": "an angle", "m": "a length", "N": "a force", "N*m": "a torque"}
 
 
