@@ -13,7 +13,8 @@ from impid_host.impedance.rows import Split
 from impid_host.impedance.stochastic import SpectralFit, fit_spectral, shaken
 from impid_host.robot.model import RobotModel, robot_model
 from impid_host.robot.terms import RobotStructure, robot_structure
-from impid_host.signals.align import AccelerationSource, AlignedTrial, align
+from impid_host.signals.align import AccelerationSource, AlignedTrial, align, robot_rows
+from impid_host.signals.band import following, motion_band_hz
 from impid_host.signals.chain import DEFAULT, Chain
 from impid_host.study.model import Setup, Study
 
@@ -23,7 +24,7 @@ class Options:
     """How a study is to be fitted.
 
     Attributes:
-        chain: the signal chain.
+        chain: the signal chain; `default_chain` has the cut-off that a study's motion asks for.
         acceleration: where accelerations come from; None: the accelerometer where there is one.
         terms: optional terms of the robot model, by name.
         split: what is held out.
@@ -39,7 +40,8 @@ class Options:
 class StudyFit:
     """All that `fit` found out about a study; `robot` is a RobotFit unless the prior had to stand in.
 
-    `partial` holds the loads whose trials do not determine all of them.
+    `partial` holds the loads whose trials do not determine all of them; `cutoff_hz` is the chain's, where its
+    last filter has one.
     """
 
     study: str
@@ -49,9 +51,18 @@ class StudyFit:
     loads: tuple[LoadFit, ...]
     spectral: tuple[SpectralFit, ...] = ()
     handle_mass_kg: float = 0.0
+    cutoff_hz: float | None = None
     partial: tuple[PartialLoadFit, ...] = ()
 
 
+def default_chain(study: Study) -> Chain:
+    """The default chain, its cut-off following the motion of free trials, else of all that no force shook."""
+    trials = study.of_kind("free") or study.of_kind("mass-spring", "arm")
+    logs = [robot_rows(trial.robot) for trial in trials]
+    return following(DEFAULT, [motion_band_hz(log.t, log.theta) for log in logs if len(log) >= _FEWEST_ROWS])
+
+
+_FEWEST_ROWS = 100
 Progress = Callable[[str], None]
 
 
@@ -122,6 +133,7 @@ def fit_aligned(
         tuple(loads),
         tuple(spectral),
         study.setup.handle_mass_kg,
+        None if options.chain.finish is None else options.chain.finish.cutoff_hz,
         tuple(partial),
     )
 

@@ -13,6 +13,7 @@ from impid_host.impedance.linear import Estimate, Stretch, enough_rows, fit_line
 from impid_host.impedance.loads import LoadModel
 from impid_host.impedance.matrices import Quantity, load_matrices
 from impid_host.impedance.reliability import by_angles, what_noise_hides
+from impid_host.impedance.resting import moving_joints
 from impid_host.impedance.rows import Equation, Series, Split, finish, series, stretches
 from impid_host.impedance.virtual_sensor import through_jacobian
 from impid_host.robot.terms import RobotStructure
@@ -49,9 +50,10 @@ class RobotFit:
     """The robot identified from free trials.
 
     Attributes:
-        vaf: per joint on the held-out rows, %, averaged over trials; rms: likewise, N m (N).
+        vaf: per joint of `joints` on the held-out rows, %, averaged over trials; rms: likewise, N m (N).
         held_out: False when nothing was held out, and vaf and rms are those of the fitted rows.
         sources: where each trial's accelerations came from.
+        joints: whose torque the fit explains, from 0; resting: those that rest in every trial.
     """
 
     parameters: RobotParameters
@@ -61,6 +63,8 @@ class RobotFit:
     held_out: bool
     series: tuple[Series, ...]
     sources: tuple[str, ...]
+    joints: tuple[int, ...]
+    resting: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,10 +96,14 @@ class LoadFit:
     robot_origin: str | None = None
 
 
-def robot_equation(trial: AlignedTrial, structure: RobotStructure, chain: Chain) -> Equation:
-    """tau = Y @ parameters along a free trial, finished."""
-    Y = structure.regressor(trial.theta, trial.omega, trial.theta_dd)
-    return Equation(trial, finish(chain, Y, trial.rate_hz), finish(chain, trial.tau, trial.rate_hz))
+def robot_equation(
+    trial: AlignedTrial, structure: RobotStructure, chain: Chain, joints: Sequence[int] | None = None
+) -> Equation:
+    """tau = Y @ parameters along a free trial, finished; of all joints, or of those that are asked for."""
+    Y, tau = structure.regressor(trial.theta, trial.omega, trial.theta_dd), trial.tau
+    if joints is not None and len(joints) < tau.shape[1]:
+        Y, tau = Y[:, list(joints)], tau[:, list(joints)]
+    return Equation(trial, finish(chain, Y, trial.rate_hz), finish(chain, tau, trial.rate_hz))
 
 
 def virtual_equation(trial: AlignedTrial, robot: RobotParameters, load: LoadModel, chain: Chain) -> Equation:
@@ -126,13 +134,21 @@ def identify_robot(
     """Robot parameters by linear least squares over all free trials, [D] Appendix.
 
     Where the trials leave parameters open, the estimate holds the combinations that they do determine.
+    A joint that rests counts as still: its own friction and inertia stay open, and with dry friction in the
+    model, which carries a part of it, so does its torque.
 
     Raises:
         UndeterminedError: the trials do not determine the parameters.
     """
-    equations = [robot_equation(trial, structure, chain) for trial in trials]
+    moving, quiet = moving_joints(trials, structure.model.prismatic, chain)
+    judged = moving if structure.holds else tuple(range(structure.model.joints))
+
+    def equation(trial: AlignedTrial) -> Equation:
+        return robot_equation(trial, structure, chain, judged)
+
+    equations = [equation(trial) for trial in quiet]
     rows = _fit_rows(equations, chain, split)
-    twins = _twins(trials, lambda trial: robot_equation(trial, structure, chain), chain, split)
+    twins = _twins(quiet, equation, chain, split)
     names, units = structure.parameter_names, structure.parameter_units
     unseen = None
     value, covariance = np.zeros(len(names)), np.zeros((len(names), len(names)))
@@ -164,6 +180,8 @@ def identify_robot(
         held_out=split.validation_s > 0,
         series=shown,
         sources=tuple(trial.source for trial in trials),
+        joints=judged,
+        resting=tuple(sorted(set(range(structure.model.joints)) - set(moving))),
     )
 
 

@@ -24,7 +24,7 @@ from impid_host.impedance.colour import Colour, colour_of
 from impid_host.signals.arrays import Floats
 
 _MAX_CONDITION = 1e7
-_ROWS_PER_PARAMETER = 5
+_ROWS_PER_PARAMETER = 3
 _ROUNDS = 6
 _SETTLED = 1e-3  # of a standard deviation, from one round to the next
 _ROUNDING = 1e-7  # a column so much smaller than the largest one is a filter's rounding

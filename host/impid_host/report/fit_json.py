@@ -31,6 +31,7 @@ def fit_json(
     constrained: Sequence[Constrained] = (),
     joints: Sequence[JointImpedance] = (),
     partial: Sequence[PartialLoadFit] = (),
+    cutoff_hz: float | None = None,
 ) -> Json:
     """The result of `fit`, format impid-fit/1. SI units; vectors [x, y], matrices [[xx, xy], [yx, yy]]."""
     by_load: dict[str, Json] = {}
@@ -48,6 +49,7 @@ def fit_json(
         "format": "impid-fit/1",
         "study": study,
         "chain": chain,
+        "cutoff_Hz": cutoff_hz,
         "trials": [
             {
                 "name": trial.name,
@@ -102,7 +104,7 @@ def _robot(robot: RobotFit | RobotParameters) -> Json:
     if isinstance(robot, RobotFit):
         for name, ci, sd in zip(robot.estimate.names, robot.estimate.ci95, robot.estimate.sd, strict=True):
             result["parameters"][name] |= {"ci95": ci.tolist(), "sd": float(sd)}
-        keys = [f"tau{joint + 1}" for joint in range(len(robot.vaf))]
+        keys = [f"tau{joint + 1}" for joint in robot.joints]
         result |= {
             "acceleration": sorted(set(robot.sources)),
             "held_out": robot.held_out,
@@ -111,6 +113,8 @@ def _robot(robot: RobotFit | RobotParameters) -> Json:
             "relative_error_percent": robot.estimate.relative_error_percent,
             "residual_rms": _keyed(keys, robot.estimate.residual_rms),
         }
+        if robot.resting:
+            result["resting"] = [f"joint{joint + 1}" for joint in robot.resting]
     return result
 
 

@@ -216,14 +216,18 @@ def interval(ci: Floats) -> str:
 
 
 def _robot_caption(fit: RobotFit) -> str:
-    vaf = ", ".join(f"tau{joint + 1} {value:.2f} %" for joint, value in enumerate(fit.vaf))
-    units = [unit.replace("*", " ") for unit in fit.parameters.structure.torque_units]
+    vaf = ", ".join(f"tau{joint + 1} {value:.2f} %" for joint, value in zip(fit.joints, fit.vaf, strict=True))
+    structure = fit.parameters.structure
+    units = [structure.torque_units[joint].replace("*", " ") for joint in fit.joints]
     alike = len(set(units)) == 1
     rms = ", ".join(
         f"{value:.3g}" if alike else f"{value:.3g} {unit}" for value, unit in zip(fit.rms, units, strict=True)
     ) + (f" {units[0]}" if alike else "")
+    resting = ", ".join(str(joint + 1) for joint in fit.resting)
+    left = "own friction, own inertia" + (" and torque" if len(fit.joints) < structure.model.joints else "")
+    rest = f"joint {resting} rested: {left} stay open\n" if resting else ""
     return (
-        f"VAF on {judged_on(fit)}: {vaf}; residual rms {rms}; "
+        f"{rest}VAF on {judged_on(fit)}: {vaf}; residual rms {rms}; "
         f"relative error {fit.estimate.relative_error_percent:.2f} % of the fitted rows\n"
         f"accelerations from the {sources(fit.sources)}"
     )
