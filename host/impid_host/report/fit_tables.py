@@ -8,6 +8,7 @@ from rich.table import Table
 
 from impid_host.clock.robot import RobotClockFit
 from impid_host.impedance.constrained import Constrained
+from impid_host.impedance.force import ForceComparison
 from impid_host.impedance.identify import LoadFit, RobotFit
 from impid_host.impedance.joint_space import JointImpedance
 from impid_host.impedance.partial import PartialLoadFit
@@ -58,6 +59,10 @@ def load_table(fits: Sequence[LoadFit]) -> Table:
     for axis, label in enumerate(first.model.axes):
         unit = first.model.force_unit
         table.add_row(f"residual rms {label}", *(f"{fit.rms[axis]:.3g}" for fit in fits), unit)
+    if first.beyond_force_percent is not None:
+        shares = (fit.beyond_force_percent for fit in fits)
+        cells = ["" if share is None else f"{share:.1f}" for share in shares]
+        table.add_row("external torque that no force at the tip makes", *cells, "%")
     return table
 
 
@@ -148,6 +153,28 @@ def spectral_table(fits: Sequence[SpectralFit]) -> Table:
                 cells.append(plus_minus(float(value), value + 1.96 * np.array([-sd, sd])))
             cells.append(f"{both.z[k]:+.1f}")
         table.add_row(name, *cells)
+    return table
+
+
+def force_table(compared: ForceComparison) -> Table:
+    """Virtual against physical force, axis by axis."""
+    judged = "held-out" if compared.held_out else "fitted"
+    signal = ", ".join(
+        f"F{axis} {rms:.3g} N" for axis, rms in zip(compared.axes, compared.signal_rms, strict=True)
+    )
+    table = _table(
+        f"Load {compared.load}: virtual force against the sensor, {judged} data", f"measured, rms: {signal}"
+    )
+    table.add_column("virtual force by", overflow="fold")
+    for axis in compared.axes:
+        table.add_column(f"F{axis}\nrms error, N", justify="right")
+        table.add_column("\nof measured", justify="right")
+        table.add_column("\nmean, N", justify="right")
+    for error in compared.errors:
+        cells = []
+        for rms, share, bias in zip(error.rms, error.relative_percent, error.bias, strict=True):
+            cells += [f"{rms:.3g}", f"{share:.1f} %", f"{bias:+.3g}"]
+        table.add_row(error.by, *cells)
     return table
 
 

@@ -97,6 +97,16 @@ class Urdf:
         return self.base.names + tuple(f"Fv{joint + 1}" for joint in range(self.joints))
 
     @property
+    def link_inertias(self) -> Floats:
+        """Base parameters as sums of the links' own, (b, 10 n)."""
+        return self.base.grouping
+
+    @property
+    def nonnegative(self) -> tuple[bool, ...]:
+        """Friction; what a regrouping may be only its links together say."""
+        return (False,) * len(self.base.names) + (True,) * self.joints
+
+    @property
     def parameter_meanings(self) -> dict[str, str]:
         """What those names gather that end in R."""
         return self.base.meanings
