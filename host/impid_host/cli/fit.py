@@ -12,7 +12,7 @@ from impid_host.cli.inputs import load_inputs
 from impid_host.cli.pair import PAIR
 from impid_host.diagnosis.saved import SavedModel, read_model
 from impid_host.errors import UndeterminedError
-from impid_host.impedance.campaign import Options, StudyFit, fit_study
+from impid_host.impedance.campaign import Options, StudyFit, default_chain, fit_study
 from impid_host.impedance.constrained import constrain as constrain_matrices
 from impid_host.impedance.joint_space import Limb, joint_impedance
 from impid_host.impedance.reflex import Band, ReflexFit, fit_trial_reflex
@@ -22,7 +22,8 @@ from impid_host.report.fit_page import print_fit
 from impid_host.report.reflex_report import reflex_json, reflex_table
 from impid_host.report.wide_console import table_console
 from impid_host.robot.terms import TERMS
-from impid_host.signals.chain import CHAINS
+from impid_host.signals.chain import CHAINS, DEFAULT, Chain
+from impid_host.study.model import Study
 
 REFLEX = "load.delay"
 
@@ -50,7 +51,12 @@ REFLEX = "load.delay"
     type=click.Choice(["accelerometer", "angles"]),
     help="Where accelerations come from; by default the accelerometer where there is one.",
 )
-@click.option("--cutoff", type=click.FloatRange(0.5, 200), metavar="HZ", help="Cut-off of the default chain.")
+@click.option(
+    "--cutoff",
+    type=click.FloatRange(0.5, 200),
+    metavar="HZ",
+    help="Cut-off of the default chain; by default twice the band of the motion, 4.5 Hz at least.",
+)
 @click.option(
     "--with",
     "terms",
@@ -78,6 +84,9 @@ REFLEX = "load.delay"
 @click.option(
     "--saved-robot", is_flag=True, help="With --model: its robot parameters, even if trials are free."
 )
+@click.option(
+    "--physical", is_flag=True, help="Also give the robot's links inertias that a body can have (URDF)."
+)
 @click.option("--constrain", is_flag=True, help="Also give M and K of arms symmetric and positive definite.")
 @click.option("--limb", type=PAIR, metavar="UPPER,FORE", help="Limb lengths, m: also give joint impedance.")
 @click.option("--shoulder", type=PAIR, metavar="X,Y", help="Where the shoulder is, m, in the robot's frame.")
@@ -99,6 +108,7 @@ def command(
     validate: float,
     model_file: Path | None,
     saved_robot: bool,
+    physical: bool,
     constrain: bool,
     limb: tuple[float, float] | None,
     shoulder: tuple[float, float] | None,
@@ -117,6 +127,7 @@ def command(
     Examples:
       impid-host fit study/
       impid-host fit study/ --json result.json --figures figures/
+      impid-host fit panda/ --with friction.coulomb --with actuator.offset --physical
       impid-host fit arm_study/ --constrain --limb 0.30,0.33 --shoulder 0.37,-0.50
       impid-host fit next_study/ --model model.json
       impid-host fit ankle/ --with load.delay --cutoff 40 --validate 20
@@ -124,9 +135,9 @@ def command(
     """
     geometry = _limb(limb, shoulder, side)
     study = load_inputs(paths, robot_log, setup)
-    row = CHAINS[chain] if cutoff is None else CHAINS[chain].with_cutoff(cutoff)
+    row = _chain(study, chain, cutoff)
     own_terms = tuple(term for term in terms if term != REFLEX)
-    options = Options(row, acceleration, own_terms, Split(validate))
+    options = Options(row, acceleration, own_terms, Split(validate), physical)
     errors = Console(stderr=True)
     provenance = None
     saved = None if model_file is None else _saved(model_file, chain)
@@ -168,12 +179,21 @@ def command(
             constrained=tight,
             joints=joints,
             partial=result.partial,
+            cutoff_hz=result.cutoff_hz,
+            forces=result.forces,
+            physical=result.physical,
         )
         if provenance is not None:
             document["model"] = asdict(provenance)
         if reflexes:
             document["reflex"] = reflex_json(reflexes)
         _write(json.dumps(document, indent=2), json_to)
+
+
+def _chain(study: Study, name: str, cutoff: float | None) -> Chain:
+    if cutoff is not None:
+        return CHAINS[name].with_cutoff(cutoff)
+    return default_chain(study) if name == DEFAULT.name else CHAINS[name]
 
 
 def _write(text: str, to: str) -> None:

@@ -10,6 +10,7 @@ from impid_host.calibration.applied import with_calibration
 from impid_host.errors import InputError
 from impid_host.recording.reader import Recording, read_recording
 from impid_host.study.folder import read_study
+from impid_host.study.joints import logged_joints
 from impid_host.study.model import Setup, Study, Trial, TrialKind
 from impid_host.study.notices import notices_as_lines
 from impid_host.study.robot_csv import read_robot_log
@@ -49,6 +50,7 @@ def load_inputs(paths: Sequence[Path], robot_logs: Sequence[Path], setup: Path |
         trials = [
             _trial(recording, log, apparatus) for recording, log in zip(recordings, robot_logs, strict=True)
         ]
+        logged_joints(apparatus.robot, trials[0].robot.theta.shape[1], setup)
     return Study(paths[0].stem, apparatus, tuple(sorted(trials, key=lambda trial: trial.name)), source=None)
 
 

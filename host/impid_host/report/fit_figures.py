@@ -68,10 +68,11 @@ def robot_figure(fit: RobotFit) -> Figure:
     """Torque of each joint, logged and by the model, over the held-out end of the first free trial."""
     part = fit.series[0]
     structure = fit.parameters.structure
-    units = [unit.replace("*", " ") for unit in structure.torque_units]
+    units = [structure.torque_units[joint].replace("*", " ") for joint in fit.joints]
     names = [
-        ("force" if slides else "torque") + (f" {joint + 1}" if structure.model.joints > 1 else "")
-        for joint, slides in enumerate(structure.model.prismatic)
+        ("force" if structure.model.prismatic[joint] else "torque")
+        + (f" {joint + 1}" if structure.model.joints > 1 else "")
+        for joint in fit.joints
     ]
     labels = [f"{name} ({unit})" for name, unit in zip(names, units, strict=True)]
     notes = [

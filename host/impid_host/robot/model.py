@@ -13,6 +13,9 @@ from impid_host.signals.arrays import Floats
 from impid_host.study.model import RobotSetup
 
 
+LINK = ("m", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")  # of a link, about its own origin
+
+
 class RobotModel(Protocol):
     """A robot whose torque is `regressor @ parameters`; n joints, d task axes, p parameters, N instants.
 
@@ -80,6 +83,18 @@ class RobotModel(Protocol):
     def parameter_units(self) -> tuple[str, ...]:
         """Their units."""
 
+    @property
+    def parameter_meanings(self) -> dict[str, str]:
+        """What those gather whose names do not say it."""
+
+    @property
+    def link_inertias(self) -> Floats | None:
+        """The first b parameters as sums of each link's ten of `LINK`, (b, 10 n); None: unknown."""
+
+    @property
+    def nonnegative(self) -> tuple[bool, ...]:
+        """Which of the p parameters cannot be negative by themselves: friction, an axis's inertia."""
+
     def regressor(self, theta: Floats, omega: Floats, theta_dd: Floats) -> Floats:
         """Y with tau = Y @ parameters in free motion: (N, n) three times -> (N, n, p)."""
 
@@ -114,6 +129,7 @@ class RobotKind:
         joints: how many; None where setup.toml or the log says it.
         slides: all of its joints are prismatic (of a robot with its own description, that says which).
         link_lengths: how many entries `link_lengths_m` needs.
+        gravity_axes: how many entries `gravity_m_s2` may have.
         described: True where setup.toml names a file that describes the robot.
     """
 
@@ -121,6 +137,7 @@ class RobotKind:
     joints: int | None = None
     slides: bool = False
     link_lengths: int = 0
+    gravity_axes: int = 2
     described: bool = False
 
 
@@ -131,7 +148,8 @@ def _absolute(setup: RobotSetup) -> RobotModel:
 
 def _relative(setup: RobotSetup) -> RobotModel:
     l1, l2 = setup.link_lengths_m
-    return Planar2RRelative(l1, l2, setup.gravity_m_s2)
+    gx, gy = setup.gravity_m_s2
+    return Planar2RRelative(l1, l2, (gx, gy))
 
 
 def _urdf(setup: RobotSetup) -> RobotModel:
@@ -139,7 +157,10 @@ def _urdf(setup: RobotSetup) -> RobotModel:
 
     if setup.urdf is None:
         raise UndeterminedError('robot.model = "urdf" needs urdf = "robot.urdf" in setup.toml')
-    return urdf_robot(setup.urdf)
+    gravity = setup.gravity_m_s2
+    if len(gravity) == 3:
+        return urdf_robot(setup.urdf, setup.joints, (gravity[0], gravity[1], gravity[2]))
+    return urdf_robot(setup.urdf, setup.joints)
 
 
 ROBOTS: dict[str, RobotKind] = {
@@ -147,7 +168,7 @@ ROBOTS: dict[str, RobotKind] = {
     "planar-2r-relative": RobotKind(_relative, 2, link_lengths=2),
     "slide-1d": RobotKind(lambda _setup: Slide1D(), 1, slides=True),
     "joint-1d": RobotKind(lambda _setup: Joint1D(), 1),
-    "urdf": RobotKind(_urdf, described=True),
+    "urdf": RobotKind(_urdf, gravity_axes=3, described=True),
 }
 
 

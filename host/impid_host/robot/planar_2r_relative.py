@@ -49,6 +49,8 @@ class Planar2RRelative:
     def first_moments(self, theta: Floats, parameters: Floats) -> Floats | None:  # noqa: ARG002
         """None: the inertias of this form do not tell the first link's moment."""
         return None
+    link_inertias: ClassVar[Floats | None] = None
+    parameter_meanings: ClassVar[dict[str, str]] = {}
 
     @property
     def has_gravity(self) -> bool:
@@ -69,6 +71,11 @@ class Planar2RRelative:
     def parameter_names(self) -> tuple[str, ...]:
         """Without gravity its two parameters move nothing, and are left out."""
         return _BASE + (_GRAVITY if self.has_gravity else ()) + _FRICTION
+
+    @property
+    def nonnegative(self) -> tuple[bool, ...]:
+        """Inertias and friction; first moments have either sign."""
+        return tuple(name.startswith(("ZZ", "Fv")) for name in self.parameter_names)
 
     @property
     def parameter_units(self) -> tuple[str, ...]:

@@ -8,6 +8,7 @@ from impid_host.errors import InputError
 from impid_host.samples import DeviceSamples, ModuleSamples
 from impid_host.signals.counts import encoder_counts
 from impid_host.study.device_csv import read_device_samples, write_device_samples
+from impid_host.study.joints import logged_joints
 from impid_host.study.model import EncoderSetup, Setup, Study, Trial
 from impid_host.study.narrow_counter import narrow_joints, widened
 from impid_host.study.notices import notice
@@ -37,6 +38,7 @@ def read_study(path: Path | str) -> Study:
     if not trials:
         remedy = "put each trial into a subfolder with trial.toml and robot.csv"
         raise InputError(folder, "holds no trials", remedy)
+    logged_joints(setup.robot, trials[0].robot.theta.shape[1], folder / "setup.toml")
     return Study(name=folder.resolve().name, setup=setup, trials=trials, source=folder)
 
 

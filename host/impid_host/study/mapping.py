@@ -9,6 +9,7 @@ from pydantic import Field, model_validator
 from impid_host.errors import InputError
 from impid_host.robot.model import ROBOTS
 from impid_host.study.csv_table import CsvDialect
+from impid_host.study.joints import logged_joints
 from impid_host.study.model import RobotModelName, Setup
 from impid_host.study.quantities import UnitError, factor_to_si, si_unit
 from impid_host.study.setup_file import FORMAT, setup_from_tables
@@ -122,9 +123,10 @@ def read_mapping(path: Path) -> Mapping:
     joints = _joints(
         model, [*checked.columns, *(name for trial in checked.trial for name in _own_columns(trial))]
     )
+    slides = logged_joints(setup.robot, joints, path)
     trials = tuple(
         _trial_rule(
-            path, index, table, checked.columns, model=model, joints=joints, timed=checked.log.rate_hz is None
+            path, index, table, checked.columns, model=model, slides=slides, timed=checked.log.rate_hz is None
         )
         for index, table in enumerate(checked.trial)
     )
@@ -166,7 +168,7 @@ def _trial_rule(
     common: dict[str, Any],
     *,
     model: RobotModelName,
-    joints: int,
+    slides: tuple[bool, ...],
     timed: bool,
 ) -> TrialRule:
     prefix = f"trial[{index}]"
@@ -174,7 +176,7 @@ def _trial_rule(
     head = {name: value for name, value in table.items() if name not in _Trial.model_fields}
     checked = validate(_Trial, own, path, prefix=prefix)
     given = {**common, **checked.columns}
-    required = [f"{kind}{i + 1}" for kind in ("theta", "tau") for i in range(joints)]
+    required = [f"{kind}{i + 1}" for kind in ("theta", "tau") for i in range(len(slides))]
     if timed:
         required.insert(0, "t")
     allowed = ["t", *required, *_OPTIONAL]
@@ -192,11 +194,11 @@ def _trial_rule(
             raise InputError(
                 path, f"key `columns.{present[0]}` stands alone", f"give both {' and '.join(pair)}"
             )
-    rules = {name: _column_rule(path, name, spec, model) for name, spec in given.items()}
+    rules = {name: _column_rule(path, name, spec, slides) for name, spec in given.items()}
     return TrialRule(checked.file, checked.name, checked.start_s, checked.stop_s, head, rules)
 
 
-def _column_rule(path: Path, name: str, spec: object, model: RobotModelName) -> ColumnRule:
+def _column_rule(path: Path, name: str, spec: object, slides: tuple[bool, ...]) -> ColumnRule:
     table = {"column": spec} if isinstance(spec, str | int) and not isinstance(spec, bool) else spec
     prefix = f"columns.{name}"
     if not isinstance(table, dict):
@@ -204,7 +206,7 @@ def _column_rule(path: Path, name: str, spec: object, model: RobotModelName) -> 
             path, f"key `{prefix}` does not fit", "give a column's name or a table {column = ..., unit = ...}"
         )
     checked = validate(_Column, table, path, prefix=prefix)
-    target = si_unit(name, model)
+    target = si_unit(name, slides)
     try:
         factor = checked.scale * factor_to_si(target if checked.unit is None else checked.unit, target)
     except UnitError as error:

@@ -20,17 +20,23 @@ STANDARD_GRAVITY_M_S2 = 9.80665
 
 @dataclass(frozen=True, slots=True)
 class RobotSetup:
-    """The robot: which model, its link lengths (m), gravity in its plane (m/s^2), its URDF if any.
+    """The robot: which model, and what that model needs to know.
 
-    `baseline` is what `diagnose` starts from: the papers' robot, or a textbook's (friction and offset in
-    every joint); None leaves the choice to it.
+    Attributes:
+        link_lengths_m: of a planar arm.
+        gravity_m_s2: in its plane; of a URDF along x, y and z, where it is not 9.81 m/s^2 along -z.
+        urdf: the file; joints: names of those that the log follows, base to tip, where it does not follow the
+            longest chain.
+        baseline: what `diagnose` starts from: the papers' robot, or a textbook's (friction and offset in every
+            joint); None leaves the choice to it.
     """
 
     model: RobotModelName
     link_lengths_m: tuple[float, ...] = ()
-    gravity_m_s2: tuple[float, float] = (0.0, 0.0)
+    gravity_m_s2: tuple[float, ...] = (0.0, 0.0)
     urdf: Path | None = None
     baseline: Literal["papers", "textbook"] | None = None
+    joints: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

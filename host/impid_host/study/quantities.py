@@ -1,11 +1,9 @@
 """Units of a log's columns: which dimension each column of `robot.csv` has, and the factor to SI."""
 
+from collections.abc import Sequence
 from functools import cache
 
 import pint
-
-from impid_host.robot.model import ROBOTS
-from impid_host.study.model import RobotModelName
 
 _NAMES = {
     "s": "a time",
@@ -21,18 +19,17 @@ class UnitError(ValueError):
     """The unit is unknown or of another dimension; the message says which was expected."""
 
 
-def si_unit(column: str, model: RobotModelName) -> str:
-    """The SI unit of a column of `robot.csv`, or of `acc_x, acc_y`, under a robot model ("" for `sync`)."""
+def si_unit(column: str, slides: Sequence[bool]) -> str:
+    """The SI unit of a column of `robot.csv`, or of `acc_x, acc_y` ("" for `sync`); `slides`: which joints are prismatic."""
     if column == "t":
         return "s"
     if column == "sync":
         return ""
-    if column.startswith("theta"):
-        return "m" if ROBOTS[model].slides else "rad"
     if column.startswith("acc_"):
         return "m/s^2"
-    if column.startswith("tau"):
-        return "N" if ROBOTS[model].slides else "N*m"
+    for kind, turning, sliding in (("theta", "rad", "m"), ("tau", "N*m", "N")):
+        if column.startswith(kind):
+            return sliding if slides[int(column.removeprefix(kind)) - 1] else turning
     return "N"
 
 

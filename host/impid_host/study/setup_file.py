@@ -35,9 +35,10 @@ PositivePair = Annotated[list[Positive], Field(min_length=2, max_length=2)]
 class _Robot(Table):
     model: RobotModelName
     link_lengths_m: list[Positive] = Field(default_factory=list)
-    gravity_m_s2: Pair = Field(default_factory=lambda: [0.0, 0.0])
+    gravity_m_s2: list[float] = Field(default_factory=lambda: [0.0, 0.0])
     urdf: str | None = None
     baseline: Literal["papers", "textbook"] | None = None
+    joints: list[str] = Field(default_factory=list)
 
     @field_validator("model")
     @classmethod
@@ -52,6 +53,8 @@ class _Robot(Table):
         if kind.link_lengths and len(self.link_lengths_m) != kind.link_lengths:
             wanted = ", ".join(f"l{link + 1}" for link in range(kind.link_lengths))
             raise ValueError(f'model "{self.model}" needs link_lengths_m = [{wanted}]')
+        if len(self.gravity_m_s2) not in (2, kind.gravity_axes):
+            raise ValueError(f"gravity_m_s2 of model {self.model} has {kind.gravity_axes} components")
         if kind.described and not self.urdf:
             raise ValueError(f'model "{self.model}" needs urdf = "robot.urdf"')
         return self
@@ -163,9 +166,10 @@ def setup_from_tables(tables: dict[str, Any], path: Path, *, prefix: str = "") -
     robot = RobotSetup(
         model=checked.robot.model,
         link_lengths_m=tuple(checked.robot.link_lengths_m),
-        gravity_m_s2=(checked.robot.gravity_m_s2[0], checked.robot.gravity_m_s2[1]),
+        gravity_m_s2=tuple(checked.robot.gravity_m_s2),
         urdf=None if checked.robot.urdf is None else _existing_urdf(path, checked.robot.urdf),
         baseline=checked.robot.baseline,
+        joints=tuple(checked.robot.joints),
     )
     return Setup(
         robot=robot,
@@ -219,12 +223,14 @@ def setup_tables(setup: Setup) -> dict[str, Any]:
     robot: dict[str, Any] = {"model": setup.robot.model}
     if setup.robot.link_lengths_m:
         robot["link_lengths_m"] = list(setup.robot.link_lengths_m)
-    if any(component != 0.0 for component in setup.robot.gravity_m_s2):
+    if len(setup.robot.gravity_m_s2) == 3 or any(setup.robot.gravity_m_s2):
         robot["gravity_m_s2"] = list(setup.robot.gravity_m_s2)
     if setup.robot.urdf is not None:
         robot["urdf"] = setup.robot.urdf.name
     if setup.robot.baseline is not None:
         robot["baseline"] = setup.robot.baseline
+    if setup.robot.joints:
+        robot["joints"] = list(setup.robot.joints)
     tables: dict[str, Any] = {"format": FORMAT, "robot": robot}
     if setup.encoder is not None:
         tables["encoder"] = {

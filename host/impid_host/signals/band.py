@@ -1,0 +1,59 @@
+"""The band of a motion, by its velocity's power, and the default chain's cut-off, which follows it."""
+
+from collections.abc import Sequence
+from itertools import pairwise
+
+import numpy as np
+from scipy import signal
+
+from impid_host.signals.arrays import Floats
+from impid_host.signals.chain import PUBLISHED_CUTOFF_HZ, Chain
+
+_MOST_OF_SPEED = 0.99  # of its power
+_HARMONICS = 2.0  # products of two signals of a band reach twice as far
+_WIDEST_HZ = 50.0
+_LOWEST_HZ = 0.5
+_HIGHEST_HZ = 60.0  # of the filter ahead of all derivatives
+_BINS = 21
+_WINDOW_S = 8.0
+
+
+def motion_band_hz(t: Floats, theta: Floats) -> float:
+    """Frequency below which 99 % of the velocity's power lies, of the quickest joint.
+
+    Noise of the encoders, which grows with frequency, is cut off at the valley between it and the motion.
+
+    Args:
+        t: s, (N,), increasing; theta: (N, n).
+    """
+    rate = 1 / float(np.median(np.diff(t)))
+    uniform = np.arange(t[0], t[-1], 1 / rate)
+    bands = []
+    for joint in theta.T:
+        speed = np.gradient(np.interp(uniform, t, joint)) * rate
+        frequency, power = signal.welch(
+            speed, rate, nperseg=min(len(speed), int(_WINDOW_S * rate)), detrend=False
+        )
+        power = np.where(frequency <= _valley(frequency, power, min(_HIGHEST_HZ, 0.4 * rate)), power, 0.0)
+        share = np.cumsum(power) / max(float(power.sum()), 1e-300)
+        bands.append(float(frequency[np.argmax(share >= _MOST_OF_SPEED)]))
+    return max(bands)
+
+
+def _valley(frequency: Floats, power: Floats, highest: float) -> float:
+    """Upper end of the quietest of the logarithmic bins up to `highest`, Hz."""
+    edges = np.geomspace(min(_LOWEST_HZ, highest / 2), highest, _BINS + 1)
+    levels = []
+    for low, high in pairwise(edges):
+        inside = (frequency >= low) & (frequency < high)
+        levels.append(float(np.mean(np.log(power[inside] + 1e-300))) if inside.any() else np.inf)
+    return float(edges[int(np.argmin(levels)) + 1])
+
+
+def following(chain: Chain, bands_hz: Sequence[float]) -> Chain:
+    """The chain with a cut-off twice the widest of the motions' bands: 4.5 Hz at least, 50 Hz at most.
+
+    [D] moves below 2 Hz and cuts off at 4.5 Hz.
+    """
+    cutoff = float(np.clip(_HARMONICS * max(bands_hz, default=0.0), PUBLISHED_CUTOFF_HZ, _WIDEST_HZ))
+    return chain if cutoff == PUBLISHED_CUTOFF_HZ else chain.with_cutoff(round(cutoff, 1))
