@@ -148,7 +148,10 @@ def _covered(stage: Stage, others: Sequence[Stage]) -> Stage:
     """The stage with intervals that cover those of all others."""
     alpha = _hull([stage.alpha, *(other.alpha for other in others)])
     loads = {
-        name: {letter: _hull([number, *(o.loads[name][letter] for o in others)]) for letter, number in load.items()}
+        name: {
+            letter: _hull([number, *(o.loads[name][letter] for o in others)])
+            for letter, number in load.items()
+        }
         for name, load in stage.loads.items()
     }
     return replace(stage, alpha=alpha, loads=loads)

@@ -8,7 +8,7 @@ import numpy as np
 
 from impid_host.diagnosis.base import Base, base_of, structure_of
 from impid_host.diagnosis.holdout import Holdout, hold_out
-from impid_host.diagnosis.noise import Noise, Taps, noise_models, tail_of, whitened
+from impid_host.diagnosis.noise import Noise, noise_models, tail_of, whitened
 from impid_host.diagnosis.oddities import Oddity
 from impid_host.diagnosis.prepare import setting_of, views
 from impid_host.diagnosis.reference import reference_run
@@ -63,9 +63,7 @@ def prepare(study: Study, progress: Progress = silent) -> Case:
     references = reference_run(base, study)
     setting = setting_of(parts, base, referenced=references is not None)
     progress("fitting the first model", 0.2)
-    return Case(
-        tuple(informed(parts, base, holdout)), base, holdout, setting, references, tuple(oddities)
-    )
+    return Case(tuple(informed(parts, base, holdout)), base, holdout, setting, references, tuple(oddities))
 
 
 def informed(parts: Sequence[View], base: Base, holdout: Holdout) -> list[View]:
@@ -95,7 +93,9 @@ def tabulated(case: Case, noise: Noise | None = None, progress: Progress = silen
     slots = slots_of([*terms(case.setting), *structures(used, case.setting)])
     raw = _evaluated(case, used, slots, progress)
     rows = sum(len(run.target) for run in raw if run.key == ("torque", 0))
-    taps = noise.taps if noise is not None else noise_models(raw, columns_of(saturated(case.base, slots, rows)))
+    taps = (
+        noise.taps if noise is not None else noise_models(raw, columns_of(saturated(case.base, slots, rows)))
+    )
 
     def make(fresh: Sequence[Slot]) -> list[Run]:
         runs = [run for view in used for run in rows_of(view, None, fresh, case.holdout)]
@@ -171,5 +171,7 @@ def _tails(table: Table) -> dict[Key, float]:
     for key in keys:
         own = np.array([k == key for k in units.key])
         usual = np.median(squares[own] / units.rows[own])
-        result[key] = tail_of(squares[own] / max(float(usual), 1e-12), units.rows[own]) if key[0] != REFERENCE else 1e4
+        result[key] = (
+            tail_of(squares[own] / max(float(usual), 1e-12), units.rows[own]) if key[0] != REFERENCE else 1e4
+        )
     return result

@@ -52,7 +52,9 @@ def chosen(case: Case, progress: Progress = silent) -> Choice:
     table = tabulated(case, progress=progress)
     progress("searching", 0.7)
     found = search(table)
-    pushed = events(found.table.runs, residuals(found.table, found.table.columns(found.best.slots)), case.views)
+    pushed = events(
+        found.table.runs, residuals(found.table, found.table.columns(found.best.slots)), case.views
+    )
     if pushed:
         progress("searching again without what stands out", 0.75)
         out = tuple((e.trial, e.begin_s - _MARGIN_S, e.end_s + _MARGIN_S) for e in pushed)
@@ -73,10 +75,15 @@ def _sharpened(case: Case, found: Found) -> Found:
         large = [s for s in found.best.slots if _is_large(found, s)]
         if not large or len(found.best.slots) < 2:
             return found
-        picked = [part for part, s in zip(chosen_slots(found.table, found.best), found.best.slots, strict=True) if s in large]
+        picked = [
+            part
+            for part, s in zip(chosen_slots(found.table, found.best), found.best.slots, strict=True)
+            if s in large
+        ]
         fit = refit(case, picked, found.table.noise.taps)
         cleaned = replace(
-            case, views=tuple(informed([corrected(v, fit.chosen) for v in fit.views], case.base, case.holdout))
+            case,
+            views=tuple(informed([corrected(v, fit.chosen) for v in fit.views], case.base, case.holdout)),
         )
         table, given = tabulated(cleaned, found.table.noise), []
         for part in fit.chosen:
@@ -100,7 +107,10 @@ def _is_large(found: Found, s: int) -> bool:
     table = found.table
     rest = table.columns([o for o in found.best.slots if o != s])
     per_channel = table.rows / max(len({run.key for run in table.runs}), 1)
-    return table.term(s).named and drop(projected(table.G, rest), table.G, table.slots[s].columns) > _LARGE * per_channel
+    return (
+        table.term(s).named
+        and drop(projected(table.G, rest), table.G, table.slots[s].columns) > _LARGE * per_channel
+    )
 
 
 def _in_table(found: Found, parts: Sequence[Chosen]) -> Found:

@@ -43,7 +43,9 @@ def confidence_of(table: Table, slot: int, visited: Sequence[Explanation]) -> fl
     sets = list(best)
     term = table.term(slot)
     mine = (term.effect, *term.where)
-    share = float(sum(w for w, name in zip(weights([best[n] for n in sets]), sets, strict=True) if mine in name))
+    share = float(
+        sum(w for w, name in zip(weights([best[n] for n in sets]), sets, strict=True) if mine in name)
+    )
     share = float(np.clip(share, 1e-6, 1 - 1e-6))
     odds = _LEVEL + _SLOPE * np.log(share / (1 - share))
     return float(min(1 / (1 + np.exp(-odds)), _SUREST))

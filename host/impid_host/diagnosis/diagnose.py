@@ -8,7 +8,7 @@ import numpy as np
 from impid_host.diagnosis.allowance import widened
 from impid_host.diagnosis.arbitrate import arbitrated, exactly_compared
 from impid_host.diagnosis.base import baseline
-from impid_host.diagnosis.case import Case, Progress, prepare, saturated, silent
+from impid_host.diagnosis.case import Progress, prepare, saturated, silent
 from impid_host.diagnosis.choice import Choice, chosen, evidence_of, ordered
 from impid_host.diagnosis.floor import PER_COLUMN, noise_floor, resolution_of
 from impid_host.diagnosis.judge import events_in_sealed, worse
@@ -183,7 +183,9 @@ def notes_of(choice: Choice, fit: Refit, study: Study) -> list[str]:
     words = [f"{event.words}: left out of the fit" for event in choice.pushed]
     sealed = events_in_sealed(case, fit, choice.table.noise.taps)
     words += [f"{event.words}: it is in the error on data that took no part" for event in sealed]
-    words += [f"what is left resembles {label} no more than it resembles other things" for label in choice.rejected]
+    words += [
+        f"what is left resembles {label} no more than it resembles other things" for label in choice.rejected
+    ]
     if all(view.measured is None for view in case.views):
         words.append("no accelerometer: accelerations come from the angles, and its faults cannot be seen")
     unused = [trial.name for trial in study.of_kind("stochastic")]

@@ -85,4 +85,6 @@ def _in_angles(table: Table, s: int) -> bool:
 def odd_structures(oddities: Sequence[Oddity]) -> list[Structure]:
     """Rows that were left out before any model was asked, as entries of what is unexplained."""
     none = np.zeros((0, 2))
-    return [Structure("one_trial", own.on, own.share, none, none, own.words) for own in oddities if own.share > 0]
+    return [
+        Structure("one_trial", own.on, own.share, none, none, own.words) for own in oddities if own.share > 0
+    ]

@@ -5,9 +5,9 @@ from collections.abc import Sequence
 import numpy as np
 from scipy import ndimage, stats
 
+from impid_host.diagnosis.noise import Taps
 from impid_host.diagnosis.result import Structure
 from impid_host.diagnosis.rows import Run
-from impid_host.diagnosis.noise import Taps
 from impid_host.diagnosis.table import Table, residuals
 from impid_host.signals.arrays import Floats, Mask
 

@@ -40,7 +40,9 @@ def at(chosen: Sequence[Chosen], vector: Floats) -> tuple[Chosen, ...]:
         own = vector[first : first + count_of(part)]
         first += count_of(part)
         size = len(part.beta)
-        result.append(replace(part, beta=own[:size], shape=float(own[size]) if fits_shape(part) else part.shape))
+        result.append(
+            replace(part, beta=own[:size], shape=float(own[size]) if fits_shape(part) else part.shape)
+        )
     return tuple(result)
 
 
@@ -126,6 +128,10 @@ def holds_zero(part: Chosen) -> bool:
     for name, number in parameters_of(part).items():
         amplitude = name in rows and rows[name].amplitude
         for own in [number] if isinstance(number, Number) else number.values():
-            if amplitude and isinstance(number, Number) and np.any((own.ci95[..., 0] < 0) & (own.ci95[..., 1] > 0)):
+            if (
+                amplitude
+                and isinstance(number, Number)
+                and np.any((own.ci95[..., 0] < 0) & (own.ci95[..., 1] > 0))
+            ):
                 return True
     return False

@@ -65,9 +65,7 @@ def _prior_rows(base: Base, prior: Sequence[float]) -> list[tuple[int, float, fl
     inertial = np.array([not unit.startswith("N") for unit in units])
     sizes = _main_sizes(np.array(prior), units)
     sd = np.where(inertial, _EXACT, _WARM) * sizes
-    return [
-        (k, float(value), float(np.hypot(sd[k], _rounding(value)))) for k, value in enumerate(prior)
-    ]
+    return [(k, float(value), float(np.hypot(sd[k], _rounding(value)))) for k, value in enumerate(prior)]
 
 
 def _rounding(value: float) -> float:

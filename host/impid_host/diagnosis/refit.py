@@ -93,7 +93,9 @@ def refit(case: Case, chosen: Sequence[Chosen], taps: Taps) -> Refit:
     chosen = at(chosen, vector)
     if chosen:
         covariance = _solved(rows)[1]
-    return Refit(tuple(_informed(case, views, chosen, value)), parted(covariance, chosen), covariance, value, cost)
+    return Refit(
+        tuple(_informed(case, views, chosen, value)), parted(covariance, chosen), covariance, value, cost
+    )
 
 
 def _informed(case: Case, views: Sequence[View], chosen: Sequence[Chosen], value: Floats) -> tuple[View, ...]:

@@ -157,7 +157,12 @@ def _obstacle(row: SavedEffect, saved: SavedModel, base: Base, tried: Sequence[T
 
 
 def _is(term: Term, row: SavedEffect) -> bool:
-    return (term.effect, term.where, term.variant, term.when) == (row.effect, row.where, row.variant, row.when)
+    return (term.effect, term.where, term.variant, term.when) == (
+        row.effect,
+        row.where,
+        row.variant,
+        row.when,
+    )
 
 
 def _among(term: Term, loads: Sequence[str]) -> Term:

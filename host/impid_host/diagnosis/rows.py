@@ -104,7 +104,9 @@ def decimator(view: View) -> Decimator:
     """Down to about 2.2 rows per cycle of the band's end."""
     step = max(1, int(view.rate_hz / (2.2 * view.cutoff_hz)))
     half = 6 * step
-    return Decimator(step, signal.firwin(2 * half + 1, view.cutoff_hz, fs=view.rate_hz, window=("kaiser", 6.0)))
+    return Decimator(
+        step, signal.firwin(2 * half + 1, view.cutoff_hz, fs=view.rate_hz, window=("kaiser", 6.0))
+    )
 
 
 def rows_of(

@@ -182,7 +182,11 @@ class Walk:
             slot = self.table.slots[s]
             beta = own.beta[first : first + slot.term.size]
             # What is linear about a wrong model may be out of bounds at first; its exact refit may not.
-            inside = slot.term.gate(beta, slot.shape) if slot.term.by_model else possible(slot.term, beta, slot.shape)
+            inside = (
+                slot.term.gate(beta, slot.shape)
+                if slot.term.by_model
+                else possible(slot.term, beta, slot.shape)
+            )
             if slot.term.named and not inside:
                 return False
             first += slot.term.size

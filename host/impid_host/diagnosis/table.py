@@ -78,7 +78,8 @@ class Table:
     def with_shapes(self, term: Term, shapes: Sequence[float]) -> "Table":
         """The table with the term's columns at further shapes behind the others."""
         fresh = [
-            replace(slot, term=term) for slot in slots_of([replace(term, shapes=tuple(shapes))], len(self.G) - 1)
+            replace(slot, term=term)
+            for slot in slots_of([replace(term, shapes=tuple(shapes))], len(self.G) - 1)
         ]
         made = self.make(fresh)
         runs, width = [], fresh[-1].columns.stop - fresh[0].columns.start

@@ -1,6 +1,5 @@
 """Effects that these data cannot tell apart, what would be reported under each, and the trial that tells."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -40,7 +39,12 @@ def rivals(walk: Walk, best: Explanation) -> list[Rivals]:
         for r in walk.contenders(walk.score(rest)):
             other = walk.table.term(r)
             # What holds the term itself among more is no rival: the rest of it lies idle.
-            if not other.named or same_thing(other, term) or term.label in other.holds or len(found) >= _RIVALS:
+            if (
+                not other.named
+                or same_thing(other, term)
+                or term.label in other.holds
+                or len(found) >= _RIVALS
+            ):
                 continue
             slots = walk.refined((*rest, r))
             new = walk.score(slots)
@@ -48,7 +52,9 @@ def rivals(walk: Walk, best: Explanation) -> list[Rivals]:
                 found.setdefault(other.label, (slots[-1], difference(best, new).se))
         labels = list(dict.fromkeys([term.label, *found, *term.holds]))
         result.append(
-            Rivals(s, tuple(k for k, _ in found.values()), tuple(se for _, se in found.values()), tuple(labels))
+            Rivals(
+                s, tuple(k for k, _ in found.values()), tuple(se for _, se in found.values()), tuple(labels)
+            )
         )
     return result
 

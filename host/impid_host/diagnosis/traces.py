@@ -17,7 +17,8 @@ from impid_host.signals.arrays import Floats
 def traces(bench: Bench, first: Refit, last: Refit) -> tuple[Trace, ...]:
     """Of every trial and channel: tau1, tau2 in free motion, fx, fy under load."""
     before, after = (
-        fitted(fit.views, fit.chosen, bench.case.base, bench.case.holdout, bench.prior) for fit in (first, last)
+        fitted(fit.views, fit.chosen, bench.case.base, bench.case.holdout, bench.prior)
+        for fit in (first, last)
     )
     result: list[Trace] = []
     for (view, one), (_, other) in zip(before.free, after.free, strict=True):

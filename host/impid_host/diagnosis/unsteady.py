@@ -89,6 +89,8 @@ def _structure(on: str, odd: Sequence[_Part], parts: Sequence[_Part], usual: flo
         words = f"{on} leaves {worst.level / usual:.0f} times the usual power in {names}"
     else:
         variable = "time"
-        words = f"{on} changes within {names}: {worst.level / usual:.0f} times the usual power in a part of it"
+        words = (
+            f"{on} changes within {names}: {worst.level / usual:.0f} times the usual power in a part of it"
+        )
     band = np.stack([curve[:, 1] - half, curve[:, 1] + half], axis=1)
     return Structure(variable, on, float(np.clip(share, 0.0, 1.0)), curve, band, words)

@@ -26,7 +26,9 @@ def sentence(
     by = "" if level is None else f", the noise floor being {level:.2g}"
     unit = units.get(key, "N*m")
     before = f"of {first.rms[key]:.2g} {unit} unexplained in {key} on data not used"
-    named = [stage.added for stage in stages if stage.added is not None and stage.added.effect != UNATTRIBUTED]
+    named = [
+        stage.added for stage in stages if stage.added is not None and stage.added.effect != UNATTRIBUTED
+    ]
     open_ties = [tie for tie in ties if tie.under]
     if not named and not open_ties and not structure:
         if above is False:
@@ -70,7 +72,10 @@ def _consequence(stages: Sequence[Stage]) -> list[str]:
             if letter in load and letter in before:
                 change = _largest(before[letter], load[letter])
                 if change is not None and (best is None or change[0] > best[0]):
-                    best = (change[0], f"{change[1].format(letter)} of {name} goes from {change[2]:.4g} to {change[3]:.4g} {load[letter].unit}")
+                    best = (
+                        change[0],
+                        f"{change[1].format(letter)} of {name} goes from {change[2]:.4g} to {change[3]:.4g} {load[letter].unit}",
+                    )
     return [best[1]] if best is not None and best[0] > 0.002 else []
 
 

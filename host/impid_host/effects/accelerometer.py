@@ -88,7 +88,9 @@ def _misalignment(setting: Setting) -> Iterator[Term]:
         columns,
         lambda beta, _shape: {"angle_rad": float(beta[0])},
         gate=lambda beta, _shape: bool(abs(beta[0]) < 0.5),
-        undo=lambda view, beta, _shape: _reread(view, lambda felt: rotated(felt, np.full(len(felt), beta[0]))),
+        undo=lambda view, beta, _shape: _reread(
+            view, lambda felt: rotated(felt, np.full(len(felt), beta[0]))
+        ),
     )
 
 

@@ -163,7 +163,9 @@ EFFECTS = (
         (Parameter("gain", "1", 0.5, 2.0),),
         "Gautier and Briot, Global identification of joint drive gains, J. Dyn. Sys. 136 (2014)",
         _gain,
-        tells={"": "a load trial with a weighed payload (payload_kg), or a known weight hung on the force sensor"},
+        tells={
+            "": "a load trial with a weighed payload (payload_kg), or a known weight hung on the force sensor"
+        },
     ),
     Effect(
         "actuator.offset",
@@ -173,7 +175,9 @@ EFFECTS = (
         "Swevers, Verdonck, De Schutter, Dynamic model identification, IEEE Control Systems 27 (2007)",
         _offset,
         carries="record",
-        tells={"gravity.tilt": "a spirit level on the table, or a free trial over a larger range of both joints"},
+        tells={
+            "gravity.tilt": "a spirit level on the table, or a free trial over a larger range of both joints"
+        },
     ),
     Effect(
         "actuator.cogging",

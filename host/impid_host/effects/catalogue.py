@@ -37,4 +37,7 @@ def telling_trial(labels: Sequence[str]) -> str:
         for other in names:
             if other != name and other in known:
                 return known[other]
-    return next((CATALOGUE[name].tells[""] for name in names if name in CATALOGUE and "" in CATALOGUE[name].tells), _ANY_TRIAL)
+    return next(
+        (CATALOGUE[name].tells[""] for name in names if name in CATALOGUE and "" in CATALOGUE[name].tells),
+        _ANY_TRIAL,
+    )

@@ -62,7 +62,9 @@ def _eccentricity(setting: Setting) -> Iterator[Term]:
         def columns(view: View, _shape: float, joint: int = joint) -> Columns:
             c = _STEP_RAD * np.cos(view.theta[:, joint])
             s = _STEP_RAD * np.sin(view.theta[:, joint])
-            return sensitivity(view, _STEP_RAD, shifted(view, joint, c, -s, -c), shifted(view, joint, s, c, -s))
+            return sensitivity(
+                view, _STEP_RAD, shifted(view, joint, c, -s, -c), shifted(view, joint, s, c, -s)
+            )
 
         yield Term(
             "encoder.eccentricity",
@@ -92,7 +94,12 @@ def _scale(setting: Setting) -> Iterator[Term]:
                 return result
 
             def undo(
-                view: View, beta: Floats, _shape: float, joint: int = joint, *, alone: bool = variant == "module"
+                view: View,
+                beta: Floats,
+                _shape: float,
+                joint: int = joint,
+                *,
+                alone: bool = variant == "module",
             ) -> View:
                 true = _stretched(view, joint, float(beta[0]))
                 return true if alone else _by_both(view, true)

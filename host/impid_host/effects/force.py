@@ -77,7 +77,9 @@ def _misalignment(setting: Setting) -> Iterator[Term]:
         ("sensor",),
         columns,
         lambda beta, _shape: {"angle_rad": float(beta[0])},
-        undo=lambda view, beta, _shape: _reread(view, lambda read: rotated(read, np.full(len(read), beta[0]))),
+        undo=lambda view, beta, _shape: _reread(
+            view, lambda read: rotated(read, np.full(len(read), beta[0]))
+        ),
         by_model=True,
     )
 

@@ -26,7 +26,13 @@ from impid_host.effects.view import Columns, View
 from impid_host.signals.arrays import Floats
 
 _SOURCE = "Armstrong-Helouvry et al. 1994"
-_BENDS = (0.0, 1e-4, 3e-4, 1e-3, 3e-3)  # of the range of the joint: any contact bends a little before it slides
+_BENDS = (
+    0.0,
+    1e-4,
+    3e-4,
+    1e-3,
+    3e-3,
+)  # of the range of the joint: any contact bends a little before it slides
 _BEND = 5e-4  # where another parameter is sought
 _WIDTHS = (0.01, 0.02, 0.04, 0.08, 0.16, 0.32)  # of the range: friction that is a spring until it slides
 

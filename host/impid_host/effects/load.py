@@ -271,7 +271,12 @@ def _time_varying(setting: Setting) -> Iterator[Term]:
         variant="K by axis",
     )
     damping = replace(
-        share, columns=damped, read=lambda beta, _shape: {"B": float(beta[0])}, size=1, gate=no_gate, variant="B"
+        share,
+        columns=damped,
+        read=lambda beta, _shape: {"B": float(beta[0])},
+        size=1,
+        gate=no_gate,
+        variant="B",
     )
     for term in (share, entries, damping):
         yield term

@@ -33,7 +33,9 @@ def response_terms(setting: Setting) -> Iterator[Term]:
         def pulled(view: View, _shape: float, axes: tuple[int, ...] = axes) -> Columns:
             if view.load is None:
                 return {}
-            return at_tip(view, *(along(c, axis) for axis in axes for c in filtered(view.a[:, axis], view.dt)))
+            return at_tip(
+                view, *(along(c, axis) for axis in axes for c in filtered(view.a[:, axis], view.dt))
+            )
 
         letters = ["xy"[axis] for axis in axes]
         yield _term(f"f{letters[0]}", pulled, " and ".join(letters), len(axes))

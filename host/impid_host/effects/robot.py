@@ -176,7 +176,9 @@ def _tilt(setting: Setting) -> Iterator[Term]:
         pulls = [float(np.hypot(*pair)) for pair in np.reshape(beta[2:], (-1, 2))]
         return felt < 5.0 and max(pulls, default=0.0) < _LARGEST_MOMENT * felt
 
-    free = Term("gravity.tilt", ("tip",), columns, read, size=2 + 2 * setting.joints, gate=gate, variant="links too")
+    free = Term(
+        "gravity.tilt", ("tip",), columns, read, size=2 + 2 * setting.joints, gate=gate, variant="links too"
+    )
     yield replace(free, nuisance=2 * setting.joints)
     yield replace(free, columns=links_by_model, size=2, variant="links by alpha", by_model=True)
 

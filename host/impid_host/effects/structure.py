@@ -100,9 +100,7 @@ def unnamed(
     on: str, variable: str, columns: Callable[[View, float], Columns], size: int, variant: str
 ) -> Term:
     """A term without a name: on which channel, of which variable."""
-    return Term(
-        UNATTRIBUTED, (on, variable), columns, lambda _beta, _shape: {}, size=size, variant=variant
-    )
+    return Term(UNATTRIBUTED, (on, variable), columns, lambda _beta, _shape: {}, size=size, variant=variant)
 
 
 def _curve(
@@ -125,7 +123,9 @@ def _one_trial(odd: View) -> Term:
         direction = sign_mean(view.omega, view.acc, view.dt)
         slow = curve_basis(view.t, 0.0, float(view.t[-1]), 5)
         own = [
-            on_channel(view, TORQUE, joint, np.column_stack([direction[:, joint], view.theta[:, joint], slow]))
+            on_channel(
+                view, TORQUE, joint, np.column_stack([direction[:, joint], view.theta[:, joint], slow])
+            )
             for joint in range(view.joints)
         ]
         return {TORQUE: np.concatenate([Y, *(block[TORQUE] for block in own)], axis=2)}

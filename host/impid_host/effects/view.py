@@ -40,7 +40,8 @@ class View:
         torque_model: the present model's torque, (N, n); x0: the load's equilibrium by it, (d,);
             K: its stiffness, (d, d); alpha: the robot's parameters by it, (p,).
         valid: instants that may be used, (N,).
-        cutoff_hz: of the band in which the choice looks at this study; report_hz: of the reported one.
+        cutoff_hz: of the band in which the choice looks at this study; report_hz: of the reported one;
+            meeting_hz: rate of the slower log.
         zero_rad: declared angle at count 0, (n,), of the module's encoders.
         model: the robot's kinematics; respond: what the present model predicts of every family,
             (N, channels), were the motion that of the given view.
@@ -75,6 +76,7 @@ class View:
     respond: "Callable[[View], Columns] | None" = None
     alpha: Floats | None = None
     cutoff_hz: float = 11.0
+    meeting_hz: float = 250.0
     report_hz: float = PUBLISHED_CUTOFF_HZ
 
     @property

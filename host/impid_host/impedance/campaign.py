@@ -121,7 +121,9 @@ def fit_aligned(
     physical = None
     if options.physical:
         if not free or not isinstance(robot, RobotFit):
-            raise UndeterminedError(f"study {study.name}: physical inertias are found from free trials, of which it has none")
+            raise UndeterminedError(
+                f"study {study.name}: physical inertias are found from free trials, of which it has none"
+            )
         progress("links that could be built")
         physical = physical_robot(robot, free, options.chain, options.split)
     loads: list[LoadFit] = []

@@ -76,7 +76,8 @@ def physical_robot(
     return PhysicalRobot(
         value=value,
         links=links.reshape(-1, 10),
-        worse_percent=100 * (float(np.linalg.norm(aim - flat @ value)) / max(float(np.linalg.norm(least)), 1e-300) - 1),
+        worse_percent=100
+        * (float(np.linalg.norm(aim - flat @ value)) / max(float(np.linalg.norm(least)), 1e-300) - 1),
         vaf=np.mean([part.vaf() for part in shown], axis=0),
         rms=np.sqrt(np.mean([part.rms() ** 2 for part in shown], axis=0)),
     )

@@ -40,7 +40,9 @@ def stage_table(diagnosis: Diagnosis) -> Table:
 
 def effect_table(diagnosis: Diagnosis) -> Table:
     """What was found, with intervals, evidence and the runner-up."""
-    table = Table("effect", "parameters", "explains", "predicts better by", "sure", "runner-up", title_justify="left")
+    table = Table(
+        "effect", "parameters", "explains", "predicts better by", "sure", "runner-up", title_justify="left"
+    )
     for stage in diagnosis.stages[1:]:
         found = stage.added
         assert found is not None
@@ -50,7 +52,9 @@ def effect_table(diagnosis: Diagnosis) -> Table:
         evidence = found.evidence
         words = "\n".join(f"{name} {number_words(number)}" for name, number in found.parameters.items())
         rival = evidence.runner_up
-        second = "" if rival is None else f"{rival.effect}@{'+'.join(rival.where)}, {rival.margin:.0f} nats less"
+        second = (
+            "" if rival is None else f"{rival.effect}@{'+'.join(rival.where)}, {rival.margin:.0f} nats less"
+        )
         table.add_row(
             found.label,
             words,

@@ -12,7 +12,6 @@ from impid_host.robot.slide_1d import Slide1D
 from impid_host.signals.arrays import Floats
 from impid_host.study.model import RobotSetup
 
-
 LINK = ("m", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")  # of a link, about its own origin
 
 

@@ -49,6 +49,7 @@ class Planar2RRelative:
     def first_moments(self, theta: Floats, parameters: Floats) -> Floats | None:  # noqa: ARG002
         """None: the inertias of this form do not tell the first link's moment."""
         return None
+
     link_inertias: ClassVar[Floats | None] = None
     parameter_meanings: ClassVar[dict[str, str]] = {}
 

@@ -77,12 +77,19 @@ class AlignedTrial:
 
 
 @dataclass(frozen=True, slots=True)
-class _Raw:
-    """Angles, torques and forces on the grid, before any filter; the trial keeps every `thin`-th instant."""
+class RawSignals:
+    """What was measured, on one grid, before any filter; the trial keeps every `thin`-th instant.
+
+    Attributes:
+        theta: joint angles by the module where it has them, (N, n); theta_robot: by the controller, None where
+            there is no second clock.
+        specific_force: along the sensor's axes, m/s^2, (N, 2); force: along the force sensor's, N, (N, 2).
+    """
 
     grid: Grid
     thin: int
     theta: Floats
+    theta_robot: Floats | None
     specific_force: Floats | None
     tau: Floats
     force: Floats | None
@@ -119,8 +126,11 @@ def robot_rows(log: RobotLog) -> RobotLog:
     )
 
 
-def match_trial(trial: Trial, setup: Setup) -> RobotClockFit:
+def match_trial(trial: Trial, setup: Setup, widest_s: float | None = None) -> RobotClockFit:
     """The clock match of one trial.
+
+    Args:
+        widest_s: how much the match may leave open; the clock's own limit where it is None.
 
     Raises:
         UndeterminedError: no module in this trial, or the angles do not determine the clocks; names the
@@ -132,7 +142,8 @@ def match_trial(trial: Trial, setup: Setup) -> RobotClockFit:
     rows = robot_rows(trial.robot)
     joints = theta_device.shape[1]
     try:
-        return match_clocks(t_device, theta_device, rows.t, rows.theta[:, :joints])
+        limit = {} if widest_s is None else {"widest_s": widest_s}
+        return match_clocks(t_device, theta_device, rows.t, rows.theta[:, :joints], **limit)
     except UndeterminedError as error:
         raise UndeterminedError(f"trial {trial.name}: {error}") from error
 
@@ -158,15 +169,7 @@ def align(
             f"trial {trial.name}: no accelerometer beside this robot model; use --acceleration angles"
         )
     source = source or ("accelerometer" if measured else "angles")
-    try:
-        raw = (
-            _on_device_clock(trial, trial.device, setup)
-            if trial.device is not None
-            else _on_robot_clock(trial)
-        )
-    except UndeterminedError as error:
-        text = str(error)
-        raise UndeterminedError(text if trial.name in text else f"trial {trial.name}: {text}") from error
+    raw = raw_signals(trial, setup)
     rate = raw.grid.rate_hz
     theta, omega = chain.value(raw.theta, rate), chain.derivative(raw.theta, rate)
     x = model.position(theta)
@@ -201,6 +204,24 @@ def align(
         clock=raw.clock,
     )
     return _at_meeting_rate(fine, raw.thin)
+
+
+def raw_signals(trial: Trial, setup: Setup, widest_s: float | None = None) -> RawSignals:
+    """Everything that a trial measured on one uniform clock.
+
+    Args:
+        widest_s: how much the match of the clocks may leave open, s.
+
+    Raises:
+        UndeterminedError: the clocks cannot be matched, or less than 2 s remain; names the trial.
+    """
+    try:
+        if trial.device is None:
+            return _on_robot_clock(trial)
+        return _on_device_clock(trial, trial.device, setup, widest_s)
+    except UndeterminedError as error:
+        text = str(error)
+        raise UndeterminedError(text if trial.name in text else f"trial {trial.name}: {text}") from error
 
 
 _SIGNALS = ("theta", "omega", "theta_dd", "tau", "force", "perturbation", "x", "v", "a")
@@ -258,9 +279,9 @@ def _run(device: ModuleSamples) -> ModuleSamples:
     return rows_of(device, longest_run(device))
 
 
-def _on_device_clock(trial: Trial, device: ModuleSamples, setup: Setup) -> _Raw:
+def _on_device_clock(trial: Trial, device: ModuleSamples, setup: Setup, widest_s: float | None) -> RawSignals:
     run, log = _run(device), robot_rows(trial.robot)
-    clock = match_trial(trial, setup) if has_angles(run) else None
+    clock = match_trial(trial, setup, widest_s) if has_angles(run) else None
     t_device = run.t_us.astype(np.float64) * 1e-6
     t_robot = log.t if clock is None else clock.to_device(log.t)
     rate_device, usable = nominal_rate(t_device), usable_samples(run)
@@ -275,10 +296,11 @@ def _on_device_clock(trial: Trial, device: ModuleSamples, setup: Setup) -> _Raw:
     grid = common_grid(start, end, meeting * thin)
     on_robot = _RobotOnGrid(log, t_robot, grid)
     theta, felt = _module_on_grid(run, setup, t_device, usable, grid)
-    return _Raw(
+    return RawSignals(
         grid=grid,
         thin=thin,
         theta=on_robot.theta if theta is None else theta,
+        theta_robot=None if theta is None else on_robot.theta[:, : theta.shape[1]],
         specific_force=felt,
         tau=on_robot.tau,
         force=on_robot.force,
@@ -304,14 +326,15 @@ def _module_on_grid(
     return together[:, :-2], together[:, -2:]
 
 
-def _on_robot_clock(trial: Trial) -> _Raw:
+def _on_robot_clock(trial: Trial) -> RawSignals:
     log = robot_rows(trial.robot)
     grid = common_grid(log.t[0], log.t[-1], nominal_rate(log.t))
     on_robot = _RobotOnGrid(log, log.t, grid)
-    return _Raw(
+    return RawSignals(
         grid=grid,
         thin=1,
         theta=on_robot.theta,
+        theta_robot=None,
         specific_force=None,
         tau=on_robot.tau,
         force=on_robot.force,
