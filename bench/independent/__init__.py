@@ -17,7 +17,9 @@ How a study comes about, one file each:
 - ``effects``      what the papers' model lacks, each a small class that acts where it acts in nature
 - ``noise``        noise by its kind and its root mean square
 - ``instruments``  sampling, clocks, converters, lost rows
-- ``study``        effects at a wanted strength, noise floors, truth
+- ``chain``        from a motion and the effects to what reaches the instruments
+- ``residual``, ``strength``   how large an effect is beside the noise, and setting it so
+- ``study``, ``declared``      a whole study, its noise floors, its truth, its setup
 - ``folder``       the files
 - ``rules``, ``judge``, ``table``   what counts as right, the runs, the counts
 

@@ -46,7 +46,7 @@ def main() -> None:
     elif args.command == "write":
         wanted, unusual = judge.wanted_of(args.seed, args)
         try:
-            folder = write(make(args.seed, wanted, unusual), args.out)
+            folder = write(make(args.seed, wanted, unusual, args.measure), args.out)
         except FileExistsError:
             sys.exit(f"{args.out / 'study'} is there already: name another --out")
         print(folder)

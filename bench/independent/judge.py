@@ -33,6 +33,7 @@ def describe(parser: argparse.ArgumentParser) -> None:
     """Options that say what is hidden."""
     parser.add_argument("--effect", nargs="+", choices=sorted(EVERY), metavar="NAME", help="see list")
     parser.add_argument("--strength", type=float, help="footprint over noise; by the seed where not given")
+    parser.add_argument("--measure", choices=("seen", "raw"), default="seen", help="the strength that is set")
     parser.add_argument("--clean", action="store_true", help="nothing hidden")
     parser.add_argument("--unusual", action="store_true", help="noise of unusual kinds")
     parser.add_argument(
@@ -118,12 +119,12 @@ def one(seed: int, args: argparse.Namespace) -> dict[str, Any]:
     with tempfile.TemporaryDirectory() as scratch:
         place = Path(scratch) if args.keep is None else args.keep / str(seed)
         begin = time.monotonic()
-        study = make(seed, wanted, unusual)
+        study = make(seed, wanted, unusual, args.measure)
         folder = write(study, place)
         line["write_seconds"] = round(time.monotonic() - begin, 2)
         truth = json.loads((place / "truth.json").read_text())
         line["effects"] = truth["effects"]
-        line["visible_strength"] = truth["visible_strength"]
+        line["seen_strength"] = truth["seen_strength"]
         line["force_sensor"] = study.laboratory.instruments.force
         line["tool"] = _diagnose(args.tool, folder, place / "report.json", args.timeout)
         try:

@@ -81,7 +81,8 @@ def nuisance(m: Motion, seen: Seen, lab: Laboratory) -> Array:
             terms = [(q, i, j) for q in (seen.a, seen.v, seen.x) for i in range(2) for j in range(2)]
             shapes = [_placed(q[:, j], i) for q, i, j in terms]
         else:
-            shapes = [seen.a, _placed(seen.x[:, 0], 0), _placed(seen.x[:, 1], 1), seen.x[:, ::-1]]
+            shapes = [_placed(seen.x[:, 0], 0), _placed(seen.x[:, 1], 1), seen.x[:, ::-1]]
+            shapes += [] if load.payload is not None else [seen.a]  # a weighed payload is no unknown
         shapes += [_placed(one[:, 0], 0), _placed(one[:, 0], 1)]
         mine = m.load is not None and m.load.name == name
         out += [

@@ -65,7 +65,7 @@ def _grid(lines: list[Line], verdicts: tuple[str, ...], good: tuple[str, ...], t
     for (key, size), group in sorted(cells.items()):
         counts = [sum(g["verdict"] == v for g in group) for v in verdicts]
         hits = sum(g["verdict"] in good for g in group)
-        seen = np.median([g["visible_strength"] for g in group])
+        seen = np.median([g["seen_strength"] for g in group])
         cut = " | ".join(str(c) if c else "" for c in counts)
         out.append(f"| {key} | {size:g} | {seen:.1f} | {len(group)} | {cut} | {share(hits, len(group))} |")
     return [*out, ""]
@@ -74,7 +74,7 @@ def _grid(lines: list[Line], verdicts: tuple[str, ...], good: tuple[str, ...], t
 def _totals(lines: list[Line], good: tuple[str, ...], title: str) -> list[str]:
     """Shares by the strength wanted and by what the papers' parameters leave of it."""
     out = [f"## {title}", "", "| | " + " or ".join(good) + " |", "| --- | --- |"]
-    for words, of in (("wanted", lambda g: g["wanted"][0][1]), ("seen", lambda g: g["visible_strength"])):
+    for words, of in (("wanted", lambda g: g["wanted"][0][1]), ("seen", lambda g: g["seen_strength"])):
         for low, high in ((0, 1), (1, 2), (2, 4), (4, 8), (8, 1e9)):
             group = [g for g in lines if low <= of(g) < high]
             hits = sum(g["verdict"] in good for g in group)
