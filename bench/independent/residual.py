@@ -6,7 +6,7 @@ less robot less load) and fsx, fsy (N, force sensor less load).
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
@@ -55,6 +55,12 @@ def analyst(m: Motion, s: Signals, lengths: tuple[float, float]) -> Seen:
     rows = inside(m)
     parts = (theta, omega, robot.tip(theta), v, a, low[:, 4:6], force)
     return Seen(*(p[rows] for p in parts), robot)
+
+
+def thinned(seen: Seen, every: int) -> Seen:
+    """Every so many rows."""
+    parts = {f.name: getattr(seen, f.name) for f in fields(seen)}
+    return Seen(**{k: v if isinstance(v, Robot) else v[::every] for k, v in parts.items()})
 
 
 def residual(m: Motion, seen: Seen) -> Array:

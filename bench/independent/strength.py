@@ -59,7 +59,7 @@ class Ruler:
         for m in motions:
             seen = res.analyst(m, signals(m, ()), self.lab.robot.lengths)
             self.clean.append(res.residual(m, seen))
-            block = res.nuisance(m, seen, self.lab)[::EVERY_ROW] * self._weight(m)[None, :, None]
+            block = res.nuisance(m, res.thinned(seen, EVERY_ROW), self.lab) * self._weight(m)[None, :, None]
             blocks.append(block.reshape(-1, block.shape[2]))
         self.base = _orthonormal(np.concatenate(blocks))
 

@@ -108,12 +108,20 @@ def make(seed: int, wanted: list[tuple[str, float]], unusual: bool = False, meas
         ruler = Ruler(motions)
         for effect, (_, target) in zip(effects, wanted, strict=True):
             calibrate(ruler, effect, target, measure)
+        for _ in range(3):  # effects change the motion, and with it their size
+            motions = _run(paths, effects)
+            final = Ruler(motions, ruler.noise)
+            sizes = [final.sizes((effect,)) for effect in effects]
+            got = [getattr(size, measure) for size in sizes]
+            factors = [target / g for g, (_, target) in zip(got, wanted, strict=True)]
+            if not _rescaled(effects, factors):
+                break
+        for effect in effects:
             effect.declare(setup)
-        motions = _run(paths, effects)
-        final = Ruler(motions, ruler.noise)
         together = final.sizes(effects).seen
-        for effect, (_, target) in zip(effects, wanted, strict=True):
-            entries.append(_entry(effect, target, final.sizes((effect,))))
+        entries = [
+            _entry(e, target, size) for e, (_, target), size in zip(effects, wanted, sizes, strict=True)
+        ]
     records = tuple(record(m, signals(m, effects), lab.instruments) for m in motions)
     return Study(
         lab,
@@ -123,6 +131,16 @@ def make(seed: int, wanted: list[tuple[str, float]], unusual: bool = False, meas
         setup,
         _truth(lab, effects, entries, together, motions, records, unusual),
     )
+
+
+def _rescaled(effects: tuple[Effect, ...], factors: list[float]) -> bool:
+    """Whether an effect was off by more than a tenth and could be put right."""
+    changed = False
+    for effect, factor in zip(effects, factors, strict=True):
+        amount = min(effect.amount * float(np.clip(factor, 0.3, 3)), effect.most)
+        if abs(np.log(factor)) > 0.1 and amount != effect.amount:
+            effect.amount, changed = amount, True
+    return changed
 
 
 def _truth(

@@ -92,7 +92,7 @@ class Reflex(LoadEffect):
     """Stretch reflex: stiffness and damping that answer 30 to 90 ms late."""
 
     name, only, needs, start = "load.delay", "arm", frozenset({"arm"}), 10.0
-    K_defined = False
+    most, K_defined = 300.0, False
 
     def shape(self, rng: Generator) -> None:
         self.delay = float(rng.uniform(0.03, 0.09))

@@ -25,10 +25,10 @@ class _Accel(Effect):
 class BracketRings(_Accel):
     """The accelerometer's bracket resonates; ``amount`` is the share of the ringing that is felt."""
 
-    near, start, most = ("accel.delay", "accel.scale"), 0.5, 30.0
+    near, start, most = ("accel.delay", "accel.scale"), 0.3, 1.0
 
     def shape(self, rng: Generator) -> None:
-        self.w, self.zeta = 2 * np.pi * float(rng.uniform(7, 20)), float(rng.uniform(0.02, 0.08))
+        self.w, self.zeta = 2 * np.pi * float(rng.uniform(5, 14)), float(rng.uniform(0.02, 0.08))
 
     def felt(self, m: Motion, f: Array, tau: Array) -> Array:
         return f + self.amount * np.abs(self.shares) * (resonator(f, self.w, self.zeta) - f)
