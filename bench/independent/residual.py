@@ -11,8 +11,7 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 
 from .instruments import BAND, Record, Signals
-from .laboratory import Laboratory
-from .mechanics import Array, Robot
+from .mechanics import Array, Load, Robot
 from .motion import RATE, Motion, derivative, low_pass, moving
 
 STEP = 10  # of the fine grid, for 100 Hz
@@ -73,31 +72,27 @@ def residual(m: Motion, seen: Seen) -> Array:
     return np.column_stack([torque, seen.force - force])
 
 
-def nuisance(m: Motion, seen: Seen, lab: Laboratory) -> Array:
-    """Columns of all parameters of the papers' model on the residual, (n, 4, p): alpha, then each load's."""
-    loads = sorted({p.load.name: p.load for p in lab.plans if p.load}.items())
+def alpha_columns(seen: Seen) -> Array:
+    """What each of the robot's five parameters does to the residual, (n, 4, 5)."""
     accel = seen.robot.joint_accel(seen.theta, seen.omega, seen.a)
     out = []
     for j in range(5):
         unit = replace(seen.robot, alpha=tuple(float(i == j) for i in range(5)))
         out.append(np.column_stack([unit.inverse(seen.theta, seen.omega, accel), np.zeros_like(accel)]))
-    one = np.ones_like(seen.x)
-    for name, load in loads:
-        if load.kind == "arm":
-            terms = [(q, i, j) for q in (seen.a, seen.v, seen.x) for i in range(2) for j in range(2)]
-            shapes = [_placed(q[:, j], i) for q, i, j in terms]
-        else:
-            shapes = [_placed(seen.x[:, 0], 0), _placed(seen.x[:, 1], 1), seen.x[:, ::-1]]
-            shapes += [] if load.payload is not None else [seen.a]  # a weighed payload is no unknown
-        shapes += [_placed(one[:, 0], 0), _placed(one[:, 0], 1)]
-        mine = m.load is not None and m.load.name == name
-        out += [
-            np.column_stack([seen.robot.to_joints(seen.theta, f), -f])
-            if mine
-            else np.zeros((one.shape[0], 4))
-            for f in shapes
-        ]
     return np.stack(out, axis=2)
+
+
+def load_columns(load: Load, seen: Seen) -> Array:
+    """What each parameter of a load does to the residual, (n, 4, p)."""
+    one = np.ones(seen.x.shape[0])
+    if load.kind == "arm":
+        terms = [(q, i, j) for q in (seen.a, seen.v, seen.x) for i in range(2) for j in range(2)]
+        shapes = [_placed(q[:, j], i) for q, i, j in terms]
+    else:
+        shapes = [_placed(seen.x[:, 0], 0), _placed(seen.x[:, 1], 1), seen.x[:, ::-1]]
+        shapes += [] if load.payload is not None else [seen.a]  # a weighed payload is no unknown
+    shapes += [_placed(one, 0), _placed(one, 1)]
+    return np.stack([np.column_stack([seen.robot.to_joints(seen.theta, f), -f]) for f in shapes], axis=2)
 
 
 def _placed(values: Array, row: int) -> Array:

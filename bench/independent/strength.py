@@ -55,16 +55,43 @@ class Ruler:
         self.noise = noise_of(motions) if noise is None else noise
         used = self.noise > 0
         self.weight = np.where(used, 1 / np.where(used, self.noise, 1), 0.0)
-        self.clean, blocks = [], []
+        self.clean, alpha, loads = [], [], []
         for m in motions:
             seen = res.analyst(m, signals(m, ()), self.lab.robot.lengths)
             self.clean.append(res.residual(m, seen))
-            block = res.nuisance(m, res.thinned(seen, EVERY_ROW), self.lab) * self._weight(m)[None, :, None]
-            blocks.append(block.reshape(-1, block.shape[2]))
-        self.base = _orthonormal(np.concatenate(blocks))
+            thin = res.thinned(seen, EVERY_ROW)
+            alpha.append(self._weighted(m, res.alpha_columns(thin)))
+            loads.append(self._weighted(m, res.load_columns(m.load, thin)) if m.load else None)
+        self._ends = np.cumsum([a.shape[0] for a in alpha])[:-1]
+        # a load's columns are zero outside its own trials: take them out first, alpha of what they leave (Frisch-Waugh)
+        self._groups = []
+        for name in sorted({m.load.name for m in motions if m.load}):
+            own = [i for i, m in enumerate(motions) if m.load and m.load.name == name]
+            base = _orthonormal(np.concatenate([c for i in own if (c := loads[i]) is not None]))
+            self._groups.append((own, base))
+        self._alpha = _orthonormal(np.concatenate(self._without_loads(alpha)))
+
+    def _weighted(self, m: Motion, columns: Array) -> Array:
+        return (columns * self._weight(m)[None, :, None]).reshape(-1, columns.shape[2])
 
     def _weight(self, m: Motion) -> Array:
         return self.weight * np.array([1, 1, m.loaded, m.loaded])
+
+    def _without_loads(self, rows: list[Array]) -> list[Array]:
+        """Each trial's rows, (rows, any), less what its load's parameters can take."""
+        out = list(rows)
+        for own, base in self._groups:
+            stacked = np.concatenate([rows[i] for i in own])
+            left = stacked - base @ (base.T @ stacked)
+            parts = np.split(left, np.cumsum([rows[i].shape[0] for i in own])[:-1])
+            for i, part in zip(own, parts, strict=True):
+                out[i] = part
+        return out
+
+    def _regressed(self, prints: list[Array]) -> list[Array]:
+        y = np.concatenate(self._without_loads([p[::EVERY_ROW].reshape(-1, 1) for p in prints]))
+        left = y - self._alpha @ (self._alpha.T @ y)
+        return [part.reshape(-1, 4) for part in np.split(left, self._ends)]
 
     def sizes(self, effects: tuple[Effect, ...]) -> Sizes:
         """Strengths of the effects together."""
@@ -72,17 +99,14 @@ class Ruler:
         for effect in effects:
             effect.declare(setup)
         lengths = tuple(setup["robot"]["link_lengths_m"])
-        prints = []
-        for m, clean in zip(self.motions, self.clean, strict=True):
-            part = res.residual(m, res.analyst(m, signals(m, effects), lengths)) - clean
-            prints.append(part * self._weight(m))
-        coarse = [p[::EVERY_ROW] for p in prints]
-        y = np.concatenate(coarse).ravel()
-        left = np.split(
-            (y - self.base @ (self.base.T @ y)).reshape(-1, 4), np.cumsum([len(c) for c in coarse])[:-1]
-        )
-        acting = [any(e.acts(m) for e in effects) for m in self.motions]
-        return Sizes(self._largest(prints, acting), self._largest(left, acting))
+        prints, acting = [], [any(e.acts(m) for e in effects) for m in self.motions]
+        for m, clean, acts in zip(self.motions, self.clean, acting, strict=True):
+            if acts:
+                part = res.residual(m, res.analyst(m, signals(m, effects), lengths)) - clean
+                prints.append(part * self._weight(m))
+            else:
+                prints.append(np.zeros_like(clean))
+        return Sizes(self._largest(prints, acting), self._largest(self._regressed(prints), acting))
 
     def _largest(self, prints: list[Array], acting: list[bool]) -> float:
         loads = [m.loaded for m in self.motions]
@@ -93,7 +117,7 @@ class Ruler:
 
 
 def _orthonormal(columns: Array) -> Array:
-    """An orthonormal base of the columns' span; directions below 1e-7 of the largest are left out."""
+    """An orthonormal base of the columns' span; directions below 1e-5 of the largest are left out."""
     sizes = np.sqrt((columns**2).sum(0))
     scaled = columns[:, sizes > 0] / sizes[sizes > 0]
     values, vectors = np.linalg.eigh(scaled.T @ scaled)

@@ -206,3 +206,29 @@ def test_unusual_noises_are_distinct():
         ins = draw(seed, unusual=True).instruments
         kinds.add((ins.torque, ins.accel, ins.sensor, ins.torque_step, ins.periodic_losses))
     assert len(kinds) == 150
+
+
+def test_force_sensor_reads_the_load_in_its_own_frame(tmp_path):
+    """fx, fy turned back by mount and θ2 are the load's force, and the rest is the stated noise."""
+    study = make(
+        next(
+            s
+            for s in range(500)
+            if (i := draw(s).instruments).force and i.force_frame == "link2" and i.force_angle
+        ),
+        [],
+    )
+    folder, ins = write(study, tmp_path), study.laboratory.instruments
+    m = next(m for m in study.motions if m.loaded)
+    rows = np.genfromtxt(folder / m.plan.folder / "robot.csv", delimiter=",", names=True)
+    way = rows["theta2"] + ins.force_angle
+    x = np.cos(way) * rows["fx"] - np.sin(way) * rows["fy"]
+    y = np.sin(way) * rows["fx"] + np.cos(way) * rows["fy"]
+    t = (rows["t"] - rows["t"][0]) / (1 + ins.robot_ppm * 1e-6)
+    grid = np.arange(0, t[-1], 0.005)
+    true = m.load.force(m.x, m.v, m.a)
+    left = [np.interp(grid, t, c) - np.interp(grid, m.t, f) for c, f in zip((x, y), true.T, strict=True)]
+    size = np.sqrt(np.mean(low(np.column_stack(left), 200.0) ** 2, axis=0))
+    stated = study.truth["noise_rms_4.5Hz"]
+    assert size == pytest.approx([stated["sensor_x"], stated["sensor_y"]], rel=0.25)
+    assert np.sqrt(np.mean(true**2)) > 20 * size.max()
