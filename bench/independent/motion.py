@@ -23,6 +23,7 @@ from .mechanics import Array, Load, Robot
 
 RATE = 1000.0  # of the grid on which the physics is worked out, Hz
 PAD = 1.5  # s before and after the record, so that filters and delays find a past and a future
+HARDEST = 7.0  # acceleration that each joint alone may give the tip, m/s²; the accelerometer ends at 25
 TOP = 14.0  # nothing in the joints' motion above this, Hz
 
 
@@ -130,8 +131,10 @@ def reference(laboratory: Laboratory, plan: Plan, index: int) -> tuple[Array, Ar
         style = str(rng.choice(sorted(WAYS))) if plan.style == "mixed" else plan.style
         wave = WAYS[style](rng, t)
         wave = wave - 0.5 * (wave.max() + wave.min())
-        path[:, joint] = laboratory.centre[joint] + plan.reach * wave / np.abs(wave).max()
-    return t, low_pass(path, TOP)
+        swing = low_pass(plan.reach * wave / np.abs(wave).max(), TOP)
+        hardest = laboratory.robot.lengths[joint] * np.abs(derivative(derivative(swing))).max()
+        path[:, joint] = laboratory.centre[joint] + swing * min(1.0, HARDEST / hardest)
+    return t, path
 
 
 def moving(laboratory: Laboratory, plan: Plan, index: int, since: float, t: Array, path: Array) -> Motion:

@@ -101,11 +101,12 @@ def make(seed: int, wanted: list[tuple[str, float]], unusual: bool = False, meas
     paths = _wanted(lab)
     plain = _run(paths, ())
     lab = _scaled(lab, plain)
-    paths, plain = ([replace(m, laboratory=lab) for m in ms] for ms in (paths, plain))
+    paths = [replace(m, laboratory=lab) for m in paths]
+    plain = tuple(replace(m, laboratory=lab) for m in plain)
     effects = tuple(k(np.random.default_rng([seed, 5, i]), lab) for i, k in enumerate(kinds))
-    setup, motions, entries, together = declared(lab), tuple(plain), [], 0.0
+    setup, motions, entries, together = declared(lab), plain, [], 0.0
     if effects:
-        ruler = Ruler(motions)
+        ruler = Ruler(plain)
         for effect, (_, target) in zip(effects, wanted, strict=True):
             calibrate(ruler, effect, target, measure)
         for _ in range(3):  # effects change the motion, and with it their size
