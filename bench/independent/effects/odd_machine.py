@@ -314,14 +314,10 @@ class BoxcarLog(Effect):
 
     def drive(self, m: Motion, tau: Array) -> Array:
         half = 0.5 * self.amount
-        total = np.cumsum(tau, axis=0) / RATE
-        return np.column_stack(
-            [
-                (np.interp(m.t + half, m.t, total[:, j]) - np.interp(m.t - half, m.t, total[:, j]))
-                / self.amount
-                for j in range(2)
-            ]
-        )
+        total = np.cumsum(tau, axis=0) / RATE - 0.5 * tau / RATE
+        first, last = (np.clip(m.t + end, m.t[0], m.t[-1]) for end in (-half, half))
+        sums = [np.interp(last, m.t, c) - np.interp(first, m.t, c) for c in total.T]
+        return np.column_stack(sums) / (last - first)[:, None]
 
 
 class _Shaken(Effect):

@@ -10,8 +10,10 @@ import pytest
 
 from bench.independent import judge
 from bench.independent.__main__ import main
+from bench.independent.laboratory import draw
 from bench.independent.table import page
 
+SHORT = next(s for s in range(900, 999) if len(draw(s).plans) == 3)  # three trials of 15 s
 REPORT = {
     "format": "impid-diagnosis/1",
     "verdict": "dry friction on joint 1",
@@ -41,7 +43,17 @@ def stand_in(path, body):
 
 def lines_of(tmp_path, tool, *options):
     out = tmp_path / "lines.jsonl"
-    sys.argv = ["independent", "judge", "--seeds", "44:44", "--out", str(out), "--tool", tool, *options]
+    sys.argv = [
+        "independent",
+        "judge",
+        "--seeds",
+        f"{SHORT}:{SHORT}",
+        "--out",
+        str(out),
+        "--tool",
+        tool,
+        *options,
+    ]
     main()
     return out, [json.loads(text) for text in out.read_text().splitlines()]
 
