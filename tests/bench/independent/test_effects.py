@@ -135,7 +135,7 @@ def test_every_effect_acts_and_is_nothing_at_no_amount(key):
     for m in trials:
         faint += apart(m, effect)
     assert full > 0
-    assert faint < 1e-3 * full
+    assert faint < 5e-3 * full  # a mean over no time is still one over a step of the grid
 
 
 KIND = {kind: motion(kind) for kind in ("free", "mass-spring", "arm")}
