@@ -135,13 +135,14 @@ def test_every_effect_acts_and_is_nothing_at_no_amount(key):
     for m in trials:
         faint += apart(m, effect)
     assert full > 0
-    assert faint < 5e-3 * full  # a mean over no time is still one over a step of the grid
+    # a mean over 50 ms bends a signal by w²/24 of its curvature, one over the grid's own step by h²/4: 0.0024
+    assert faint < 3e-3 * full
 
 
 KIND = {kind: motion(kind) for kind in ("free", "mass-spring", "arm")}
 
 
 def apart(m, effect):
-    a, b = signals(m, (effect,)), signals(m, ())
+    a, b, inside = signals(m, (effect,)), signals(m, ()), (m.t >= 0) & (m.t <= m.plan.duration)
     pairs = ((a.theta, b.theta), (a.tau, b.tau), (a.felt, b.felt), (a.force, b.force), (a.clock, b.clock))
-    return sum(float(np.sqrt(np.mean((p - q) ** 2))) for p, q in pairs)
+    return sum(float(np.sqrt(np.mean((p - q)[inside] ** 2))) for p, q in pairs)
