@@ -74,7 +74,7 @@ def wanted_of(seed: int, args: argparse.Namespace) -> tuple[list[tuple[str, floa
 
 
 def _diagnose(tool: str, study: Path, report: Path, timeout: float) -> dict[str, Any]:
-    """Run the tool; its status, wall time (s), memory (MB) and last words."""
+    """Run the tool; its status, wall time (s), memory (MB, never below this process's own) and last words."""
     errors = report.with_suffix(".txt")
     begin = time.monotonic()
     with errors.open("w") as sink:

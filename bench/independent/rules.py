@@ -28,7 +28,8 @@ On studies with a hidden effect that has no name:
 On clean studies: quiet, or false_alarm for any name or tie.
 Any study: failed where the tool wrote no report, unreadable where the report breaks its own format.
 
-Intervals. Each entry of each load's K in the last stage counts once: its `ci95` holds the truth or not. Loads
+Intervals. Each entry of each load's K in the last stage counts once: its `ci95` (a pair per entry, or a matrix of
+lower ends and one of upper ends) holds the truth or not; a load without finite intervals is not counted. Loads
 whose K is not one number for all times or amplitudes (truth: K_defined false) are left out.
 
 Confidence. Each named effect counts once, right where (name, place) is hidden or a companion; `near` names are
@@ -220,9 +221,9 @@ def coverage(truth: Json, report: Json) -> list[tuple[str, int, int, bool, float
         if not K or K.get("ci95") is None:
             continue
         true, ends = np.array(said["K"]), np.array(K["ci95"], dtype=float)
-        low, high = (
-            (ends[..., 0], ends[..., 1]) if ends[0, 0, 0] <= ends[0, 0, 1] and _ordered(ends) else ends
-        )
+        if ends.shape != (2, 2, 2) or not np.isfinite(ends).all():
+            continue
+        low, high = (ends[..., 0], ends[..., 1]) if _ordered(ends) else ends
         size = float(np.linalg.norm(true, 2))
         out += [
             (
