@@ -49,7 +49,7 @@ def exactly_compared(
             tried = _as_chosen(choice, own.slot, rival)
             other = bench.fit([tried if s == own.slot else p for s, p in kept.items()])
             fewer = tried.term.parameters <= part.term.parameters
-            if fewer and other.squares < best.squares - 1.0 and _stands(other):
+            if fewer and other.deviance < best.deviance - 1.0 and _stands(other):
                 best, slot, part = other, rival, tried
         if slot != own.slot:
             kept = {slot if s == own.slot else s: part if s == own.slot else p for s, p in kept.items()}
@@ -105,7 +105,7 @@ def _members(
     for slot, se in zip(own.others, own.se, strict=True):
         rival = _as_chosen(choice, own.slot, slot)
         other = bench.fit([*(part for s, part in chosen.items() if s != own.slot), rival])
-        worse = 0.5 * (other.squares - fit.squares)
+        worse = 0.5 * (other.deviance - fit.deviance)
         if worse < max(RULES.close_sigmas * se, RULES.close_nats) and _stands(other):
             result.append((bench.stage(other, None), rival.term.label))
     return result

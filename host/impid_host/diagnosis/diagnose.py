@@ -11,7 +11,7 @@ from impid_host.diagnosis.base import baseline
 from impid_host.diagnosis.case import Progress, prepare, saturated, silent
 from impid_host.diagnosis.choice import Choice, chosen, evidence_of, ordered
 from impid_host.diagnosis.floor import PER_COLUMN, noise_floor, resolution_of
-from impid_host.diagnosis.judge import events_in_sealed, worse
+from impid_host.diagnosis.judge import events_in_sealed, stretch_of, worse
 from impid_host.diagnosis.leftover import odd_structures
 from impid_host.diagnosis.parameters import holds_zero
 from impid_host.diagnosis.refit import Refit
@@ -44,7 +44,7 @@ def diagnose(study: Study, progress: Progress = silent) -> Diagnosis:
     certain = [s for s in named if s not in verdict.open_slots]
     stages, last = named_stages(bench, [named[s] for s in certain], _evidence(choice, certain))
     left = [*choice.left.structures]
-    if len(stages) > 1 and worse(stages[-1].rms, stages[0].rms):
+    if len(stages) > 1 and worse(stages[-1].rms, stages[0].rms, stretch_of(last.chosen)):
         left += [_not_upheld(stage) for stage in stages[1:]]
         stages, last = stages[:1], bench.fit([])
         verdict = replace(verdict, open_slots=(), covering=None, ties=())

@@ -16,7 +16,7 @@ from impid_host.diagnosis.correct import corrected
 from impid_host.diagnosis.noise import BLOCK_S, Taps, whitened
 from impid_host.diagnosis.parameters import at, count_of, fits_shape, parted, vector_of
 from impid_host.diagnosis.result import Chosen
-from impid_host.diagnosis.rows import REFERENCE, Run, rows_of, slots_of
+from impid_host.diagnosis.rows import REFERENCE, Index, Key, Run, rows_of, slots_of
 from impid_host.effects.bounds import possible
 from impid_host.effects.effect import Term
 from impid_host.effects.view import Columns, View
@@ -38,14 +38,15 @@ class Refit:
         chosen: with their values.
         covariance: (k, k) of all effects' parameters in order, see parameters.vector_of.
         base: value of the robot's and the loads' parameters, (b,).
-        squares: of the whitened residual.
+        deviance: -2 log likelihood with each channel's noise level its own, in the units of the logs as they were
+            measured, up to a constant.
     """
 
     views: tuple[View, ...]
     chosen: tuple[Chosen, ...]
     covariance: Floats
     base: Floats
-    squares: float
+    deviance: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,13 +54,16 @@ class _Rows:
     """Whitened rows of the fit part: target (N,), base (N, b), slopes of the effects' parameters (N, k).
 
     Attributes:
-        block: number of each row's block of time, (N,).
+        block: number of each row's block of time, (N,); channel: number of its channel, (N,);
+        count: rows by channel, in the order of their numbers.
     """
 
     target: Floats
     base: Floats
     slopes: Floats
     block: Floats
+    channel: Index
+    count: dict[Key, int]
 
 
 def refit(case: Case, chosen: Sequence[Chosen], taps: Taps) -> Refit:
@@ -93,8 +97,26 @@ def refit(case: Case, chosen: Sequence[Chosen], taps: Taps) -> Refit:
     chosen = at(chosen, vector)
     if chosen:
         covariance = _solved(rows)[1]
-    return Refit(
-        tuple(_informed(case, views, chosen, value)), parted(covariance, chosen), covariance, value, cost
+    views = tuple(_informed(case, views, chosen, value))
+    deviance = _deviance(rows, value) - 2.0 * _log_stretch(chosen, rows)
+    return Refit(views, parted(covariance, chosen), covariance, value, deviance)
+
+
+def _deviance(rows: _Rows, value: Floats) -> float:
+    left = rows.target - rows.base @ value
+    return sum(
+        float(own.sum() * np.log(max(np.mean(left[own] ** 2), 1e-300)))
+        for own in (rows.channel == number for number in range(len(rows.count)))
+    )
+
+
+def _log_stretch(chosen: Sequence[Chosen], rows: _Rows) -> float:
+    """Log of the volume by which undoing the effects stretches the measurements (a change of variables)."""
+    return sum(
+        float(np.log(abs(factor))) * rows.count.get(key, 0)
+        for part in chosen
+        if part.term.stretch is not None
+        for key, factor in part.term.stretch(part.beta).items()
     )
 
 
@@ -149,11 +171,14 @@ def _rows(case: Case, views: Sequence[View], chosen: Sequence[Chosen], taps: Tap
         runs.append(case.references)
     wanted = np.arange(slots[-1].columns.stop if slots else 0)
     trials = {name: number for number, name in enumerate(sorted({run.trial for run in runs}))}
+    keys = sorted({run.key for run in runs})
     return _Rows(
         np.concatenate([run.target for run in runs]),
         np.concatenate([run.base for run in runs]),
         np.concatenate([run.columns(wanted) for run in runs]),
         np.concatenate([1e6 * trials[run.trial] + _block(run) for run in runs]),
+        np.concatenate([np.full(len(run.target), keys.index(run.key)) for run in runs]),
+        {key: sum(len(run.target) for run in runs if run.key == key) for key in keys},
     )
 
 

@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 
 import numpy as np
+from scipy import signal
 
 from impid_host.effects.effect import (
     Effect,
@@ -20,6 +21,7 @@ from impid_host.effects.view import Columns, View, advanced, rate_of
 from impid_host.signals.arrays import Floats
 
 _MAX_DELAY_S = 0.1
+_BAND_HZ = 11.0
 
 
 def _gain(setting: Setting) -> Iterator[Term]:
@@ -48,6 +50,9 @@ def _gain(setting: Setting) -> Iterator[Term]:
             size=len(joints),
             gate=lambda beta, _shape: bool(np.max(np.abs(beta)) < 0.5),
             undo=undo,
+            stretch=lambda beta, joints=joints: {  # type: ignore[misc]
+                ("torque", joint): 1.0 / (1.0 + float(b)) for joint, b in zip(joints, beta, strict=True)
+            },
             by_model=True,
         )
         yield from in_some_trials(own, setting, "load") if len(joints) == 1 else [own]
@@ -118,10 +123,12 @@ def _delay(setting: Setting) -> Iterator[Term]:
             tau[:, joints] = advanced(view.tau[:, joints], view.t, float(beta[0]))
             return replace(view, tau=tau)
 
+        def ahead(view: View, _shape: float, joints: tuple[int, ...] = joints) -> Columns:
+            return {"torque": -columns(view, _shape, joints)["torque"]}
+
         def lagged(view: View, beta: Floats, _shape: float, joints: tuple[int, ...] = joints) -> View:
-            # log + T d(log)/dt is what the drive was asked for; the log itself is the lagged torque.
             tau = view.tau.copy()
-            tau[:, joints] += float(beta[0]) * rate_of(view.tau[:, joints], view.dt)
+            tau[:, joints] = _low_passed(view.tau[:, joints], float(beta[0]), view.dt)
             return replace(view, tau=tau)
 
         place = tuple(joint_name(joint) for joint in joints)
@@ -139,14 +146,33 @@ def _delay(setting: Setting) -> Iterator[Term]:
             yield replace(
                 delay,
                 effect="actuator.lag",
+                columns=ahead,
                 read=lambda beta, _shape, joints=joints: {"time_constant": _for_each(beta, joints)},  # type: ignore[misc]
                 gate=lambda beta, _shape: bool(0 < beta[0] < _MAX_DELAY_S),
                 undo=lagged,
+                stretch=lambda beta, joints=joints: {  # type: ignore[misc]
+                    ("torque", joint): _lowered(float(beta[0])) for joint in joints
+                },
             )
 
 
 def _for_each(beta: Floats, joints: tuple[int, ...]) -> float | list[float]:
     return [float(beta[0])] * len(joints) if len(joints) > 1 else float(beta[0])
+
+
+def _low_passed(values: Floats, time_constant_s: float, dt: float) -> Floats:
+    """First-order lag (N, k), at rest at its first value: (1 + T d/dt) result = values."""
+    if time_constant_s <= 0.0:
+        return values
+    b, a = signal.bilinear([1.0], [time_constant_s, 1.0], 1.0 / dt)
+    start = signal.lfilter_zi(b, a)[:, None] * values[:1]
+    return np.asarray(signal.lfilter(b, a, values, axis=0, zi=start)[0], dtype=np.float64)
+
+
+def _lowered(time_constant_s: float) -> float:
+    """By how much a first-order lag lowers noise in the band that is looked at: the mean of log 1 / |1 + j w T|."""
+    w = 2.0 * np.pi * np.linspace(0.0, _BAND_HZ, 50)
+    return float(np.exp(-np.mean(0.5 * np.log1p((w * time_constant_s) ** 2))))
 
 
 def _delay_rows(name: str) -> Callable[[Setting], list[Term]]:
@@ -202,7 +228,7 @@ EFFECTS = (
     ),
     Effect(
         "actuator.lag",
-        "time_constant d(logged torque)/dt + logged torque = torque",
+        "time_constant d(torque)/dt + torque = logged torque: the drive follows its command late",
         "actuator",
         (Parameter("time_constant", "s", 0, _MAX_DELAY_S, amplitude=True),),
         "Siciliano et al., Robotics: Modelling, Planning and Control (2009), ch. 5",

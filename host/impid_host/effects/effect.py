@@ -113,6 +113,8 @@ class Term:
         variant: what tells terms of one name and place apart.
         units: of the reported parameters, where they differ from the catalogue's.
         undo: takes the effect out of a trial exactly, where subtracting its columns would not.
+        stretch: beta -> by family and channel, the factor by which `undo` scales what was measured, noise and all;
+            fits that undo different things are compared in the units of the log.
         by_model: its columns follow the present model, which follows its parameters in turn.
         fine: the shape is too fine to be reported, but its neglect would bias the others.
         own: trials or loads that have a value each, in the order of the blocks of beta; empty where one is for all.
@@ -131,6 +133,7 @@ class Term:
     when: When = "all"
     units: Mapping[str, str] = field(default_factory=dict)
     undo: Undo | None = None
+    stretch: Callable[[Floats], Mapping[tuple[str, int], float]] | None = None
     by_model: bool = False
     fine: bool = False
     own: tuple[str, ...] = ()

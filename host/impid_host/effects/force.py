@@ -53,6 +53,9 @@ def _scale(setting: Setting) -> Iterator[Term]:
             _per_axis("gain", 1.0),
             size=len(axes),
             undo=undo,
+            stretch=lambda beta, axes=axes: {  # type: ignore[misc]
+                ("force", axis): 1.0 / (1.0 + float(b)) for axis, b in zip(axes, beta, strict=True)
+            },
             by_model=True,
         )
 

@@ -1,6 +1,6 @@
 """What a load does beyond mass, damping and springs: additions to -F_ext = M x'' + B x' + K (x - x0)."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -23,6 +23,9 @@ from impid_host.effects.view import Columns, View
 from impid_host.signals.arrays import Floats
 
 _PLACE = ("load",)
+Course = Callable[[View, float], Floats]
+_SWITCHES = tuple(float(part) for part in np.linspace(0.1, 0.9, 9))  # of the trial
+_SWITCH = 0.05
 
 
 def _scalar(values: Floats) -> Value:
@@ -228,60 +231,63 @@ def _drift(setting: Setting) -> Iterator[Term]:
 
 
 def _time_varying(setting: Setting) -> Iterator[Term]:
-    """K that grows or falls in the course of a trial, or bends once; B likewise."""
+    """K that grows or falls steadily in the course of a trial, or changes at once; B likewise."""
     if not setting.loads:
         return
 
-    def basis(view: View) -> list[Floats]:
-        u = 2.0 * view.t / view.t[-1] - 1.0
-        return [0.5 * u, 0.5 * (1.5 * u**2 - 0.5)]
+    def steadily(view: View, _shape: float) -> Floats:
+        return np.asarray(view.t / view.t[-1] - 0.5)
 
-    def stiffer(view: View, _shape: float) -> Columns:
-        if view.load is None:
-            return {}
-        pull = (view.x - view.x0) @ view.K.T
-        return by_load(view, *(u[:, None] * pull for u in basis(view)))
+    def at_once(view: View, when: float) -> Floats:
+        return np.asarray(0.5 * np.tanh((view.t / view.t[-1] - when) / _SWITCH))
 
-    def anyhow(view: View, _shape: float) -> Columns:
-        if view.load is None:
-            return {}
-        u, d = basis(view)[0], view.x - view.x0
-        entries = [along(u * d[:, k], k, setting.axes) for k in range(setting.axes)]
-        return by_load(view, *entries)
+    for word, course, shapes in (("steadily", steadily, (0.0,)), ("at once", at_once, _SWITCHES)):
 
-    def damped(view: View, _shape: float) -> Columns:
-        return {} if view.load is None else by_load(view, *(u[:, None] * view.v for u in basis(view)[:1]))
+        def stiffer(view: View, shape: float, course: Course = course) -> Columns:
+            if view.load is None:
+                return {}
+            return by_load(view, course(view, shape)[:, None] * ((view.x - view.x0) @ view.K.T))
 
-    share = Term(
-        "load.time_varying",
-        _PLACE,
-        stiffer,
-        lambda beta, _shape: {"K_change": float(beta[0])},
-        size=2,
-        gate=lambda beta, _shape: bool(np.max(np.abs(beta)) < 1.9),
-        variant="K by a share",
-        by_model=True,
-    )
-    entries = replace(
-        share,
-        columns=anyhow,
-        read=lambda beta, _shape: {"K": [float(b) for b in beta] if len(beta) > 1 else float(beta[0])},
-        size=setting.axes,
-        gate=no_gate,
-        variant="K by axis",
-    )
-    damping = replace(
-        share,
-        columns=damped,
-        read=lambda beta, _shape: {"B": float(beta[0])},
-        size=1,
-        gate=no_gate,
-        variant="B",
-    )
-    for term in (share, entries, damping):
-        yield term
+        def by_axis(view: View, shape: float, course: Course = course) -> Columns:
+            if view.load is None:
+                return {}
+            u, d = course(view, shape), view.x - view.x0
+            return by_load(view, *(along(u * d[:, k], k, setting.axes) for k in range(setting.axes)))
+
+        def damped(view: View, shape: float, course: Course = course) -> Columns:
+            return {} if view.load is None else by_load(view, course(view, shape)[:, None] * view.v)
+
+        share = Term(
+            "load.time_varying",
+            _PLACE,
+            stiffer,
+            lambda beta, _shape: {"K_change": float(beta[0])},
+            shapes=shapes,
+            gate=lambda beta, _shape: bool(np.max(np.abs(beta)) < 1.9),
+            variant=f"K by a share, {word}",
+            by_model=True,
+        )
+        axes = replace(
+            share,
+            columns=by_axis,
+            read=lambda beta, _shape: {"K": _scalar(beta)},
+            size=setting.axes,
+            gate=no_gate,
+            variant=f"K by axis, {word}",
+        )
+        damping = replace(
+            share,
+            columns=damped,
+            read=lambda beta, _shape: {"B": float(beta[0])},
+            gate=no_gate,
+            variant=f"B, {word}",
+        )
+        yield share
+        yield damping
+        if setting.axes > 1:
+            yield axes
         if len(setting.loaded) > 1:
-            yield each_trial(term, setting, loaded=True)
+            yield each_trial(share, setting, loaded=True)
 
 
 def _coupling(setting: Setting) -> Iterator[Term]:
@@ -393,7 +399,7 @@ EFFECTS = (
     ),
     Effect(
         "load.time_varying",
-        "-F_ext += u(t) K_change K (x - x0), or u(t) K (x - x0), u(t) B x'; u goes from -1/2 to 1/2 over the trial",
+        "-F_ext += u(t) K_change K (x - x0), or u(t) K (x - x0), u(t) B x'; u goes from -1/2 to 1/2, steadily or at once",
         "load",
         (
             Parameter("K_change", "1", -1.9, 1.9),
