@@ -16,7 +16,7 @@ _CHANCE = 1.05  # of the rms of a channel that an explanation does not touch, re
 
 
 def worse(last: Mapping[str, float], first: Mapping[str, float]) -> bool:
-    """Whether the model with all names predicts the sealed part worse: in total, or in any channel by more than chance."""
+    """Whether all names predict the sealed part worse: in total, or in any channel by more than chance."""
     ratios = np.array([last[key] / max(before, 1e-300) for key, before in first.items() if key in last])
     return bool(len(ratios) and (np.mean(np.log(ratios)) > 0.0 or ratios.max() > _CHANCE))
 
