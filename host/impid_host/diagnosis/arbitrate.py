@@ -1,7 +1,7 @@
-"""Arbitration: where two explanations are alike, what each would make of the patient's arm; and nobody is blamed.
+"""Arbitration: where two explanations are alike, what each would make of the patient's arm; nobody is blamed.
 
-A tie whose members would report another robot or another load is material. Between instruments it is left open: the
-last stage's interval covers all of them.
+A tie whose members would report another robot or another load is material. Between instruments it is left
+open: the last stage's interval covers all of them.
 """
 
 from collections.abc import Mapping, Sequence
@@ -28,7 +28,8 @@ class Verdict:
 
     Attributes:
         open_slots: names that a material tie between instruments leaves open.
-        covering: alpha and loads whose intervals cover all members of the ties; None where there is nothing to cover.
+        covering: alpha and loads whose intervals cover all members of the ties; None where there is nothing
+            to cover.
     """
 
     ties: tuple[Tie, ...]
@@ -39,7 +40,7 @@ class Verdict:
 def exactly_compared(
     choice: Choice, bench: Bench, named: Mapping[int, Chosen], fit: Refit
 ) -> tuple[Choice, dict[int, Chosen], Refit]:
-    """Each name exchanged for a rival that is alike to first order, where the exact refits prefer the rival."""
+    """Each name exchanged for a rival alike to first order, where the exact refits prefer the rival."""
     kept = dict(named)
     for own in rivals(choice.walk, choice.best):
         if own.slot not in kept:
@@ -75,9 +76,8 @@ def arbitrated(choice: Choice, bench: Bench, chosen: Mapping[int, Chosen], fit: 
     for own in rivals(choice.walk, choice.best):
         if own.slot not in chosen or plain is None:
             continue
-        under = {chosen[own.slot].term.label: plain}
-        for stage, label in _members(choice, bench, chosen, fit, own):
-            under[label] = stage
+        members = _members(choice, bench, chosen, fit, own)
+        under = {chosen[own.slot].term.label: plain} | {label: stage for stage, label in members}
         labels = [label for label in own.labels if label in under or label in chosen[own.slot].term.holds]
         if len(labels) < 2:
             continue

@@ -105,7 +105,7 @@ def base_of(parts: Sequence[View], structure: RobotStructure, *, prior: bool = F
 
 
 def baseline(setup: Setup, model: RobotModel) -> str:
-    """What a diagnosis starts from, "papers" or "textbook": as setup.toml says, else by the robot (diagnosis-format)."""
+    """What a diagnosis starts from, "papers" or "textbook": as setup.toml says, else by the robot."""
     return setup.robot.baseline or model.baseline
 
 

@@ -1,4 +1,4 @@
-"""The choice: a search, again without what stands out, again with large effects taken out exactly; then adequacy."""
+"""The choice: a search, again without events, again with large effects taken out exactly; then adequacy."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

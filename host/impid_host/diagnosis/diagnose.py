@@ -115,7 +115,7 @@ def with_last_stage(
     """A last stage for what has no known cause, or has several: curves, and names that a tie leaves open."""
     if not left and not left_open:
         return stages, last
-    on = [row.on for row in left] or [key for key in stages[0].rms]
+    on = [row.on for row in left] or list(stages[0].rms)
     parts = [part for part in _curves(choice) if carries_over(part)]
     opened = [named[s] for s in left_open]
     evidence = replace(_NO_NAME, share_of_residual=min(1.0, sum(row.share for row in left)))

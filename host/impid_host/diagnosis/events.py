@@ -1,7 +1,7 @@
 """Short stretches of a trial unlike all the rest: someone pushed.
 
-In the fit part they are left out of the fit and said. The sealed part is judged with all that is in it; an event there
-is said beside the number.
+In the fit part they are left out of the fit and said. The sealed part is judged with all that is in it; an
+event there is said beside the number.
 """
 
 from collections.abc import Sequence

@@ -20,7 +20,7 @@ class Holdout:
     """Names of trials used for fitting and for validation; a name in both is split in time at two thirds.
 
     Attributes:
-        left_out: trial, beginning and end, s, of what the fit part does without. The sealed part keeps everything.
+        left_out: trial, beginning and end, s, of what the fit part does without. The sealed part keeps all.
     """
 
     fit: tuple[str, ...]

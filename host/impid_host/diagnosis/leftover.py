@@ -1,4 +1,4 @@
-"""What the chosen explanation leaves without a name: structures in it, lines, walks, unsteady parts; and adequacy."""
+"""What the chosen explanation leaves unnamed: structures, lines, walks, unsteady parts; and its adequacy."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -1,7 +1,8 @@
 """The noise of each channel: an autoregression, and how heavy the tails of its power are from block to block.
 
-Both are fitted on what a rich regression leaves of the fit part: the base model, every effect of the catalogue at a
-few shapes and the unnamed structures. They stay the same for all explanations that are compared.
+Both are fitted on what a rich regression leaves of the fit part: the base model, every effect of the
+catalogue at a few shapes and the unnamed structures. They stay the same for all explanations that are
+compared.
 """
 
 from collections.abc import Mapping, Sequence
@@ -79,8 +80,8 @@ def autoregression(residuals: Sequence[Floats]) -> Floats:
 def log_density(squares: Floats, rows: Floats, tail: Floats) -> Floats:
     """Of blocks of `rows` innovations whose squares sum to `squares`, all (U,), nats.
 
-    A multivariate t of `tail` degrees of freedom: the power of the noise changes from block to block, so that a push in
-    one of them neither makes nor breaks an explanation.
+    A multivariate t of `tail` degrees of freedom: the power of the noise changes from block to block, so that
+    a push in one of them neither makes nor breaks an explanation.
     """
     half = 0.5 * (tail + rows)
     level = special.gammaln(half) - special.gammaln(0.5 * tail) - 0.5 * rows * np.log(np.pi * tail)

@@ -57,7 +57,7 @@ def parted(covariance: Floats, chosen: Sequence[Chosen]) -> tuple[Chosen, ...]:
 
 
 def parameters_of(part: Chosen) -> dict[str, Reported]:
-    """Reported parameters with intervals by linear propagation; of each trial or load where it has its own."""
+    """Reported parameters with intervals by linear propagation; of each trial or load with its own."""
     flat = _flat(part, part.beta, part.shape)
     free = count_of(part)
     at_ = np.append(part.beta, part.shape)[:free]
@@ -70,8 +70,8 @@ def parameters_of(part: Chosen) -> dict[str, Reported]:
         moved = at_ + step
         size = len(part.beta)
         other = _flat(part, moved[:size], float(moved[size]) if free > size else part.shape)
-        for name, own in flat.items():
-            slopes[name].append((as_array(other[name]) - as_array(own)) / step[k])
+        for entry, own in flat.items():
+            slopes[entry].append((as_array(other[entry]) - as_array(own)) / step[k])
     result: dict[str, Reported] = {}
     for (name, place), own in flat.items():
         number = _number(as_array(own), np.stack(slopes[name, place], axis=-1), covariance, _unit(part, name))

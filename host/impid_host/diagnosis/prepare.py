@@ -40,7 +40,7 @@ def views(study: Study, model: RobotModel) -> tuple[list[View], list[Oddity]]:
         bad, found = odd_rows(trial.name, robot_rows(trial.robot))
         result.append(view_of(trial, study.setup, model, bad))
         oddities += found
-    cutoff = min(band_hz(result), min(_OF_RATE * view.meeting_hz for view in result))
+    cutoff = min(band_hz(result), *(_OF_RATE * view.meeting_hz for view in result))
     if model.task_is_rotary:
         cutoff = quick_band_hz(result)
         report = max(PUBLISHED_CUTOFF_HZ, cutoff if cutoff > WIDEST_HZ else 0.0)

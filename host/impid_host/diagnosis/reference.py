@@ -1,7 +1,7 @@
 """What a study knows from elsewhere, as rows of the regression: weighed payloads, and the robot of [prior].
 
-A common factor on the torques, a mass that is always at the tip, a rotor's inertia that is always there: no residual
-shows them, for they hide in the identified parameters. Beside a reference they show.
+A common factor on the torques, a mass that is always at the tip, a rotor's inertia that is always there: no
+residual shows them, for they hide in the identified parameters. Beside a reference they show.
 """
 
 from collections.abc import Mapping, Sequence
@@ -15,7 +15,8 @@ from impid_host.diagnosis.rows import REFERENCE, Run
 from impid_host.signals.arrays import Floats
 from impid_host.study.model import Study
 
-_EXACT = 0.005  # relative standard deviation of a reference beside its rounding: no two identifications agree better
+# Relative standard deviation of a reference beside its rounding: no two identifications agree better.
+_EXACT = 0.005
 _WARM = 0.10  # of viscous friction, which follows the temperature of the grease
 
 
@@ -28,7 +29,7 @@ def weighed(study: Study) -> dict[str, float]:
 
 
 def reference_run(base: Base, study: Study) -> Run | None:
-    """One row for each weighed load and each parameter of an earlier robot, in standard deviations of its own.
+    """One row for each weighed load and each parameter of an earlier robot, in its own standard deviations.
 
     Returns:
         None where nothing is known from elsewhere.

@@ -1,8 +1,8 @@
 """The chosen terms' parameters, non-linear ones included, fitted once more together on corrected signals.
 
-The search linearises every effect about the first model. Here the effects are taken out where they act, and robot,
-loads and effects are fitted together by Gauss-Newton (Golub and Pereyra, Inverse Problems 19, 2003), on the whitened
-rows of the fit part.
+The search linearises every effect about the first model. Here the effects are taken out where they act, and
+robot, loads and effects are fitted together by Gauss-Newton (Golub and Pereyra, Inverse Problems 19, 2003),
+on the whitened rows of the fit part.
 """
 
 from collections.abc import Sequence
@@ -126,7 +126,8 @@ def _informed(case: Case, views: Sequence[View], chosen: Sequence[Chosen], value
     for view in views:
         true = case.base.informed(corrected(view, chosen), value)
         own = case.base.informed(view, value)
-        # Torque and response are those of the true motion; what the log holds of the effects is not the model's.
+        # Torque and response are those of the true motion; what the log holds of the effects is not the
+        # model's.
         result.append(replace(own, torque_model=true.torque_model, x0=true.x0, K=true.K))
     return tuple(result)
 
@@ -197,7 +198,7 @@ def _base_value(rows: _Rows) -> tuple[Floats, float]:
 
 
 def _solved(rows: _Rows) -> tuple[Floats, Floats, Floats]:
-    """Step of the effects' parameters (k,), their covariance (k, k) with robot and loads free, base value (b,)."""
+    """Step of the effects' parameters (k,), their covariance (k, k) with the base free, base value (b,)."""
     J = np.hstack([rows.base, rows.slopes])
     size = np.linalg.norm(J, axis=0)
     size = np.where(size > 0, size, 1.0)

@@ -48,7 +48,7 @@ class Chosen:
 
 @dataclass(frozen=True, slots=True)
 class Rival:
-    """The best explanation without the name, by its first other name, and by how much it predicts worse, nats."""
+    """The best explanation without the name, by its first other name; how much worse it predicts, nats."""
 
     effect: str
     where: tuple[str, ...]
@@ -61,7 +61,8 @@ class Evidence:
 
     Attributes:
         share_of_residual: part of the residual before it that it explains (beyond the noise), 0..1.
-        gain, gain_se: of the log predictive density of blocks that took no part, nats, over the model without it.
+        gain, gain_se: of the log predictive density of blocks that took no part over the model without it,
+            nats.
         confidence: probability that the name is right, 0..1.
     """
 
@@ -133,7 +134,7 @@ class Structure:
 
 @dataclass(frozen=True, slots=True)
 class Tie:
-    """Explanations that these data cannot tell apart, what trial could, and what would be reported under each.
+    """Explanations that these data cannot tell apart, what trial could, and the report under each.
 
     Attributes:
         under: alpha, and by load M, B, K, x0, by candidate; empty where they do not differ.

@@ -1,8 +1,9 @@
 """How well an explanation (a set of terms) predicts blocks that took no part in fitting it.
 
-For each block of two seconds the base model and the terms are fitted to all rows but that block and its neighbours,
-and the block's log predictive density is taken, all channels together. Two explanations are compared by the sum of
-the differences over the blocks and its standard error (Vehtari, Gelman and Gabry, Statistics and Computing 27, 2017).
+For each block of two seconds the base model and the terms are fitted to all rows but that block and its
+neighbours, and the block's log predictive density is taken, all channels together. Two explanations are
+compared by the sum of the differences over the blocks and its standard error (Vehtari, Gelman and Gabry,
+Statistics and Computing 27, 2017).
 """
 
 from collections.abc import Sequence
@@ -96,12 +97,11 @@ def _predicted(table: Table, grams: Floats) -> tuple[Floats, float]:
 
 
 def _solutions(grams: Floats) -> Floats:
-    """Least-squares coefficients of each Gram matrix (B, m, m), first row and column the target's, (B, m - 1)."""
+    """Least-squares coefficients of Gram matrices (B, m, m), target first in rows and columns: (B, m - 1)."""
     A, b = grams[:, 1:, 1:].copy(), grams[:, 1:, :1]
     if A.shape[1] == 0:
         return np.zeros((len(A), 0))
     diagonal = np.einsum("bii->bi", A)
     # A column without data in the training part stays out of it: nothing is claimed there.
     diagonal += _RIDGE * np.maximum(diagonal.mean(axis=1, keepdims=True), 1e-12)
-    result: Floats = np.linalg.solve(A, b)[:, :, 0]
-    return result
+    return np.asarray(np.linalg.solve(A, b)[:, :, 0], dtype=np.float64)

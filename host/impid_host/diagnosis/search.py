@@ -1,8 +1,9 @@
-"""The search for the explanation that predicts best: a few are carried side by side, named and unnamed terms alike.
+"""The search for the explanation that predicts best: a few side by side, named and unnamed terms alike.
 
-From the base model on, the terms that lower the squares most are tried one at a time; those that predict unseen blocks
-clearly better, by an amount that matters, with possible parameters, stay. The best few sets go on together. At the end
-the simplest set that is not clearly worse than the best is chosen, a name before an unnamed structure.
+From the base model on, the terms that lower the squares most are tried one at a time; those that predict
+unseen blocks clearly better, by an amount that matters, with possible parameters, stay. The best few sets go
+on together. At the end the simplest set that is not clearly worse than the best is chosen, a name before an
+unnamed structure.
 """
 
 from collections.abc import Iterator, Sequence
@@ -27,8 +28,8 @@ class Rules:
         close_sigmas, close_nats: what is within either of them is not clearly worse.
         matters: least mean square of what a term changes, over a row's noise, in a channel where it shows.
         shows: a term shows where it changes so much of what it changes in the channel where it changes most.
-        relative, relative_unnamed: and over what the other terms change there: the imperfect shape of a large term
-            leaves so much.
+        relative, relative_unnamed: and over what the other terms change there: the imperfect shape of a large
+            term leaves so much.
         beam: sets carried along; contenders: terms tried on each; most: terms in a set.
         keeps: part of its gain that a name must keep where the structures that imitate it are in the model.
     """
@@ -286,7 +287,7 @@ def refined_one(table: Table, rest: Sequence[int], s: int) -> tuple[Table, int]:
 
 
 def size_that_matters(table: Table, slots: Sequence[int], place: int, rules: Rules = RULES) -> bool:
-    """Whether a term changes a channel by more than nobody would care about, and than larger terms leave of themselves."""
+    """Whether a term changes a channel by more than anybody ignores, and than larger terms leave."""
     columns = table.columns(slots)
     first = sum(table.term(s).size for s in slots[:place])
     own = np.arange(first, first + table.term(slots[place]).size)

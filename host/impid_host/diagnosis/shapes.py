@@ -22,7 +22,7 @@ def structures(
     columns = table.columns([*active, *curves])
     beta, _ = solve(table.G, columns)
     place = columns + 1
-    covariance = np.linalg.pinv(table.G[np.ix_(place, place)])
+    covariance = np.asarray(np.linalg.pinv(table.G[np.ix_(place, place)]), dtype=np.float64)
     first = len(table.columns(active))
     result = []
     for order, s in enumerate(curves):

@@ -1,7 +1,7 @@
 """The whitened rows of a study with every term's columns: sums of squares of nested and rival models.
 
-Sums over all rows come from one Gram matrix, blocks of two seconds from their own, made for the few columns that are
-asked for. Nothing here knows what a column means.
+Sums over all rows come from one Gram matrix, blocks of two seconds from their own, made for the few columns
+that are asked for. Nothing here knows what a column means.
 """
 
 from collections.abc import Callable, Sequence
@@ -25,7 +25,8 @@ class Units:
     """Blocks of BLOCK_S of one channel of one trial, U of them.
 
     Attributes:
-        block: number of the block of time to which each belongs, (U,); rows: how many, (U,); tail: of its channel.
+        block: number of the block of time to which each belongs, (U,); rows: how many, (U,); key: of its
+            channel.
         near: for each block, which blocks are itself or next to it in its trial, (B, B).
         edges: for each run, where its units begin and end, and their numbers.
     """
@@ -86,13 +87,14 @@ class Table:
         first = len(self.G)
         G = np.zeros((first + width, first + width))
         G[:first, :first] = self.G
-        B = 0.0
+        added = np.arange(first, first + width)
+        B = np.zeros((self.runs[0].base.shape[1], width))
         for run, new in zip(self.runs, made, strict=True):
-            B = B + run.base.T @ new.columns(np.arange(first - 1, first - 1 + width))
+            B += run.base.T @ new.columns(added - 1)
         for run, new in zip(self.runs, made, strict=True):
-            own = new.columns(np.arange(first - 1, first - 1 + width)) - run.base @ B
+            own = new.columns(added - 1) - run.base @ B
             index = np.concatenate([[0], 1 + run.used])
-            G[np.ix_(index, range(first, first + width))] += np.column_stack([run.target, run.design]).T @ own
+            G[np.ix_(index, added)] += np.column_stack([run.target, run.design]).T @ own
             G[first:, first:] += own.T @ own
             runs.append(
                 replace(
@@ -109,8 +111,8 @@ def table_of(runs: Sequence[Run], slots: Sequence[Slot], noise: Noise, make: Mak
     """From whitened runs of the fit part."""
     stacked = np.concatenate([run.base for run in runs])
     stacked = stacked / (np.linalg.norm(stacked, axis=0) + 1e-300)
-    # By QR on the rows themselves: the signal is ten thousand times the noise, and a Gram matrix would square that.
-    # Pivoted: a column that the others span would else leave an arbitrary direction to those behind it.
+    # By QR on the rows themselves: the signal is ten thousand times the noise, and a Gram matrix would square
+    # that. Pivoted: a column that the others span would else leave an arbitrary direction to those behind it.
     Q, R, _ = linalg.qr(stacked, mode="economic", pivoting=True, check_finite=False)
     Q = Q[:, np.abs(np.diag(R)) > 1e-9]
     target = np.concatenate([run.target for run in runs])
@@ -133,7 +135,10 @@ def table_of(runs: Sequence[Run], slots: Sequence[Slot], noise: Noise, make: Mak
 def units_of(runs: Sequence[Run]) -> Units:
     """The blocks of the given runs."""
     numbers: dict[tuple[str, int], int] = {}
-    block, rows, key, edges = [], [], [], []
+    block: list[int] = []
+    rows: list[float] = []
+    key: list[Key] = []
+    edges: list[tuple[Index, Index]] = []
     for run in runs:
         own = (run.times // BLOCK_S).astype(int)
         begins = np.concatenate([[0], np.flatnonzero(np.diff(own)) + 1]).astype(np.intp)

@@ -15,7 +15,7 @@ _RIVALS = 4
 
 @dataclass(frozen=True, slots=True)
 class Rivals:
-    """For one name of the chosen set: slots that do about as well in its place, and what it holds by its equation.
+    """For one name of the chosen set: slots about as good in its place, and what it holds by its equation.
 
     Attributes:
         se: standard error of the difference to each rival, nats.
@@ -68,7 +68,7 @@ def chosen_slots(table: Table, own: Explanation) -> list[Chosen]:
     """The terms of a set with the values that the search has for them."""
     columns = table.columns(own.slots)
     G = table.G[np.ix_(columns + 1, columns + 1)]
-    covariance = np.linalg.pinv(G, hermitian=True)
+    covariance = np.asarray(np.linalg.pinv(G, hermitian=True), dtype=np.float64)
     parts, first = [], 0
     for s in own.slots:
         slot = table.slots[s]

@@ -80,7 +80,8 @@ def _structure(on: str, odd: Sequence[_Part], parts: Sequence[_Part], usual: flo
     course = np.concatenate([part.course for part in parts if part.trial == worst.trial])
     curve = course[:: max(1, len(course) // 60)]
     quiet = [part for part in parts if part not in odd]
-    half = 1.96 * float(np.sqrt(np.mean([np.mean(part.course[:, 1] ** 2) for part in quiet] or [0.0])))
+    powers = [float(np.mean(part.course[:, 1] ** 2)) for part in quiet]
+    half = 1.96 * float(np.sqrt(np.mean(powers or [0.0])))
     total = sum(part.level * part.rows for part in parts)
     share = sum((part.level - usual) * part.rows for part in odd) / total
     names = ", ".join(trials)

@@ -1,4 +1,4 @@
-"""The opening sentence of a diagnosis: how much was unexplained, how much is now, the cause, what it does to the arm."""
+"""The opening sentence of a diagnosis: how much was unexplained and is now, the cause, what it does to K."""
 
 from collections.abc import Mapping, Sequence
 
@@ -31,11 +31,12 @@ def sentence(
     ]
     open_ties = [tie for tie in ties if tie.under]
     if not named and not open_ties and not structure:
+        left = f"{first.rms[key]:.2g} {unit}"
         if above is False:
-            return f"nothing is missing: {first.rms[key]:.2g} {unit} are left in {key} on data not used{by}"
+            return f"nothing is missing: {left} are left in {key} on data not used{by}"
         if above is None:
-            return f"no effect was found: {first.rms[key]:.2g} {unit} are left in {key}, and nothing tells the noise floor"
-        return f"more than noise is left ({first.rms[key]:.2g} {unit} in {key}{by}), and nothing tells what it depends on"
+            return f"no effect was found: {left} are left in {key}, and nothing tells the noise floor"
+        return f"more than noise is left ({left} in {key}{by}), and nothing tells what it depends on"
     parts = [f"{before}, {last.rms[key]:.2g} is left{by}"]
     if named:
         causes = [_cause(own) for own in named]
@@ -72,10 +73,9 @@ def _consequence(stages: Sequence[Stage]) -> list[str]:
             if letter in load and letter in before:
                 change = _largest(before[letter], load[letter])
                 if change is not None and (best is None or change[0] > best[0]):
-                    best = (
-                        change[0],
-                        f"{change[1].format(letter)} of {name} goes from {change[2]:.4g} to {change[3]:.4g} {load[letter].unit}",
-                    )
+                    entry = change[1].format(letter)
+                    values = f"{change[2]:.4g} to {change[3]:.4g} {load[letter].unit}"
+                    best = (change[0], f"{entry} of {name} goes from {values}")
     return [best[1]] if best is not None and best[0] > 0.002 else []
 
 

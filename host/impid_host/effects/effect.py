@@ -1,8 +1,8 @@
 """An effect: a row of the catalogue, and the terms by which a model may hold it.
 
-A term owns all that anybody asks about it: what it adds to which measurement, in which trials, the bounds of its
-parameters, how it is taken out of a signal exactly, what it holds of other effects by its equation. Code elsewhere
-asks these properties and never a name.
+A term owns all that anybody asks about it: what it adds to which measurement, in which trials, the bounds of
+its parameters, how it is taken out of a signal exactly, what it holds of other effects by its equation. Code
+elsewhere asks these properties and never a name.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -55,7 +55,8 @@ class Setting:
         span: range of each joint's angle, rad (m), (n,).
         speed: 95th percentile of each joint's speed, rad/s (m/s), (n,).
         reach: range of the end-effector in load trials, m; 0 without load trials.
-        springs, arms: names of the loads of either kind; trials: names of all trials; loaded: of those under load.
+        springs, arms: names of the loads of either kind; trials: names of all trials; loaded: of those under
+            load.
         accelerometer, second_clock, force_sensor: what there is.
         referenced: a weighed payload or an earlier robot is known, so that common factors show.
         duration_s: of the longest trial.
@@ -117,8 +118,9 @@ class Term:
             fits that undo different things are compared in the units of the log.
         by_model: its columns follow the present model, which follows its parameters in turn.
         fine: the shape is too fine to be reported, but its neglect would bias the others.
-        own: trials or loads that have a value each, in the order of the blocks of beta; empty where one is for all.
-        holds: labels of effects that the term contains by its equation, so that nobody can say whether they are there.
+        own: trials or loads that have a value each, in the order of the blocks of beta; empty where one is
+            for all.
+        holds: labels of effects that the term contains by its equation: nobody can say if they are there.
     """
 
     effect: str

@@ -97,7 +97,7 @@ def _cross_axis(setting: Setting) -> Iterator[Term]:
             mixing = np.eye(2)
             for axis, cross in zip(axes, beta, strict=True):
                 mixing[axis, 1 - axis] = cross
-            return _reread(view, lambda read: np.linalg.solve(mixing, read.T).T)
+            return _reread(view, lambda read: np.asarray(np.linalg.solve(mixing, read.T).T, np.float64))
 
         yield Term(
             "force.cross_axis",

@@ -207,7 +207,7 @@ def _by_torque(setting: Setting) -> Iterator[Term]:
 
 
 def _presliding(setting: Setting) -> Iterator[Term]:
-    """Friction that is a spring until it slides, over a width that shows; one element, or two of Maxwell's."""
+    """Friction that is a spring until it slides, over a width that shows: one element or two of Maxwell's."""
     for joint in range(setting.joints):
 
         def one(view: View, width: float, joint: int = joint) -> Columns:

@@ -54,7 +54,8 @@ def _read(declared: tuple[float, ...], beta: Floats, _shape: float) -> dict[str,
 EFFECTS = (
     Effect(
         "geometry.link_length",
-        "the true length is length_m: J, J', and with them every force and acceleration, are others than declared",
+        "the true length is length_m: J, J', and with them every force and acceleration, are others than"
+        " declared",
         "sensor",
         (Parameter("length_m", "m", 0.02, 5),),
         "Hollerbach and Wampler, The calibration index, Int. J. Robotics Research 15 (1996)",

@@ -1,7 +1,7 @@
 """Linear dynamics without a cause: a signal that follows the motion by any response in frequency.
 
-A resonance, a leaky filter, a compliance of the wrong sign, a bracket that rings: none is in the catalogue, and all
-of them look a little like springs, delays and masses that are.
+A resonance, a leaky filter, a compliance of the wrong sign, a bracket that rings: none is in the catalogue,
+and all of them look a little like springs, delays and masses that are.
 """
 
 from collections.abc import Iterator
@@ -19,7 +19,7 @@ RESPONSE = "response"
 
 
 def response_terms(setting: Setting) -> Iterator[Term]:
-    """Each joint's torque after its own acceleration; the end-effector's force and the accelerometer likewise."""
+    """Each joint's torque after its own acceleration; the tip's force and the accelerometer likewise."""
     for joint in range(setting.joints):
 
         def own(view: View, _shape: float, joint: int = joint) -> Columns:

@@ -215,9 +215,9 @@ def _link_weight(setting: Setting) -> Iterator[Term]:
 
 
 def _inertia(setting: Setting) -> Iterator[Term]:
-    # What is always there on one joint hides in alpha, unless the robot is known from earlier. What couples the
-    # joints, or is there in load trials alone, shows: a rotor by itself, a mass at the tip (which is part of m
-    # otherwise) ahead of a force sensor or against a weighed payload.
+    # What is always there on one joint hides in alpha, unless the robot is known from earlier. What couples
+    # the joints, or is there in load trials alone, shows: a rotor by itself, a mass at the tip (which is part
+    # of m otherwise) ahead of a force sensor or against a weighed payload.
     loaded = bool(setting.loads) and not setting.bare
     for joint in range(setting.joints):
 
@@ -327,7 +327,8 @@ EFFECTS = (
     ),
     Effect(
         "inertia.extra",
-        "tau += J^T mass x'' in load trials, ahead of the force sensor; tau += inertia theta'' on a joint, or across both",
+        "tau += J^T mass x'' in load trials, ahead of the force sensor; tau += inertia theta'' on a joint, or"
+        " across both",
         "robot",
         (Parameter("mass", "kg", -5, 20), Parameter("inertia", "kg*m^2", 0, amplitude=True)),
         _TEXTBOOK,

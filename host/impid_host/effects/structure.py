@@ -1,8 +1,8 @@
-"""Structures without a cause: what an unknown effect could look like, compared with the catalogue from the start.
+"""Structures without a cause: what an unknown effect could look like, beside the catalogue from the start.
 
-Curves of place, speed and time, products with the direction or the speed, a response in frequency, a gain that
-wanders, an odd trial: a discrepancy in the sense of Kennedy and O'Hagan (J. R. Stat. Soc. B 63, 2001), in every
-channel that is measured.
+Curves of place, speed and time, products with the direction or the speed, a response in frequency, a gain
+that wanders, an odd trial: a discrepancy in the sense of Kennedy and O'Hagan (J. R. Stat. Soc. B 63, 2001),
+in every channel that is measured.
 """
 
 from collections.abc import Callable, Iterator, Sequence

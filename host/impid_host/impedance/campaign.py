@@ -45,8 +45,8 @@ class StudyFit:
     """All that `fit` found out about a study; `robot` is a RobotFit unless the prior had to stand in.
 
     `partial` holds the loads whose trials do not determine all of them; `cutoff_hz` is the chain's, where its
-    last filter has one; `forces` sets the virtual sensor against a physical one, load by load; `physical` is there where
-    it was asked for.
+    last filter has one; `forces` sets the virtual sensor against a physical one, load by load; `physical` is
+    there where it was asked for.
     """
 
     study: str

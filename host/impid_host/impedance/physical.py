@@ -115,10 +115,11 @@ def _possible(
     ball = np.zeros(10)
     ball[0] = _BALL_KG
     ball[[4, 6, 9]] = 0.4 * _BALL_KG * _BALL_RADIUS_M**2
-    z = np.concatenate(
-        [np.tile(ball, many // 10), np.where(np.isin(np.arange(many, A.shape[1]), positive), 1, 0)]
+    z = np.zeros(A.shape[1])
+    z[:many], z[positive] = np.tile(ball, many // 10), 1.0
+    entropy = _Entropy(
+        many // 10, np.asarray(np.linalg.inv(pseudo_inertia(ball)), dtype=np.float64), positive
     )
-    entropy = _Entropy(many // 10, np.linalg.inv(pseudo_inertia(ball)), positive)
     normal, moment = A.T @ A, A.T @ aim
     for pull in _PULLS:
         z = _newton(z, normal, moment, entropy, pull)

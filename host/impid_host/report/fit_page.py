@@ -14,10 +14,10 @@ from impid_host.report.fit_tables import (
     joint_table,
     load_table,
     partial_table,
-    physical_table,
     robot_table,
     spectral_table,
 )
+from impid_host.report.physical_table import physical_table
 
 _ROBOT_WORDS = {
     "prior": "Robot parameters from [prior] in setup.toml; their uncertainty is unknown and not propagated.",

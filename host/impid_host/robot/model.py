@@ -47,7 +47,7 @@ class RobotModel(Protocol):
 
     @property
     def baseline(self) -> str:
-        """What a diagnosis of this robot starts from: "papers" or "textbook" (dry friction and offset as well)."""
+        """What a diagnosis of this robot starts from: "papers" or "textbook" (dry friction, offset too)."""
 
     @property
     def has_gravity(self) -> bool:

@@ -48,7 +48,7 @@ class Planar2RAbsolute:
         return replace(self, l1=lengths_m[0], l2=lengths_m[1])
 
     def first_moments(self, theta: Floats, parameters: Floats) -> Floats:
-        """Torque per unit of gravity along x and y, by the moments that the inertias tell: (N, 2) -> (N, 2, 2).
+        """Torque per unit of gravity along x and y, by the moments that the inertias tell: (N, 2, 2).
 
         The second link's is alpha2 / (2 l1); the first link's is that of a mass at its end.
         """

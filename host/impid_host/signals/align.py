@@ -81,8 +81,8 @@ class RawSignals:
     """What was measured, on one grid, before any filter; the trial keeps every `thin`-th instant.
 
     Attributes:
-        theta: joint angles by the module where it has them, (N, n); theta_robot: by the controller, None where
-            there is no second clock.
+        theta: joint angles by the module where it has them, (N, n); theta_robot: by the controller, None
+            where there is no second clock.
         specific_force: along the sensor's axes, m/s^2, (N, 2); force: along the force sensor's, N, (N, 2).
     """
 

@@ -27,8 +27,8 @@ class RobotSetup:
         gravity_m_s2: in its plane; of a URDF along x, y and z, where it is not 9.81 m/s^2 along -z.
         urdf: the file; joints: names of those that the log follows, base to tip, where it does not follow the
             longest chain.
-        baseline: what `diagnose` starts from: the papers' robot, or a textbook's (friction and offset in every
-            joint); None leaves the choice to it.
+        baseline: what `diagnose` starts from: the papers' robot, or a textbook's (friction and offset in
+            every joint); None leaves the choice to it.
     """
 
     model: RobotModelName

@@ -20,7 +20,11 @@ class UnitError(ValueError):
 
 
 def si_unit(column: str, slides: Sequence[bool]) -> str:
-    """The SI unit of a column of `robot.csv`, or of `acc_x, acc_y` ("" for `sync`); `slides`: which joints are prismatic."""
+    """The SI unit of a column of `robot.csv`, or of `acc_x, acc_y` ("" for `sync`).
+
+    Args:
+        slides: which joints are prismatic.
+    """
     if column == "t":
         return "s"
     if column == "sync":

@@ -220,18 +220,7 @@ def _accelerometer(table: _Accelerometer | None) -> AccelerometerSetup | None:
 
 def setup_tables(setup: Setup) -> dict[str, Any]:
     """The tables of `setup.toml` for a `Setup`; keys that keep their default are left out."""
-    robot: dict[str, Any] = {"model": setup.robot.model}
-    if setup.robot.link_lengths_m:
-        robot["link_lengths_m"] = list(setup.robot.link_lengths_m)
-    if len(setup.robot.gravity_m_s2) == 3 or any(setup.robot.gravity_m_s2):
-        robot["gravity_m_s2"] = list(setup.robot.gravity_m_s2)
-    if setup.robot.urdf is not None:
-        robot["urdf"] = setup.robot.urdf.name
-    if setup.robot.baseline is not None:
-        robot["baseline"] = setup.robot.baseline
-    if setup.robot.joints:
-        robot["joints"] = list(setup.robot.joints)
-    tables: dict[str, Any] = {"format": FORMAT, "robot": robot}
+    tables: dict[str, Any] = {"format": FORMAT, "robot": _robot_keys(setup.robot)}
     if setup.encoder is not None:
         tables["encoder"] = {
             "counts_per_rev": list(setup.encoder.counts_per_rev),
@@ -269,6 +258,21 @@ def setup_tables(setup: Setup) -> dict[str, Any]:
         if table != default:
             tables[name] = said(table)
     return tables
+
+
+def _robot_keys(robot: RobotSetup) -> dict[str, Any]:
+    keys: dict[str, Any] = {"model": robot.model}
+    if robot.link_lengths_m:
+        keys["link_lengths_m"] = list(robot.link_lengths_m)
+    if len(robot.gravity_m_s2) == 3 or any(robot.gravity_m_s2):
+        keys["gravity_m_s2"] = list(robot.gravity_m_s2)
+    if robot.urdf is not None:
+        keys["urdf"] = robot.urdf.name
+    if robot.baseline is not None:
+        keys["baseline"] = robot.baseline
+    if robot.joints:
+        keys["joints"] = list(robot.joints)
+    return keys
 
 
 def said(table: ForceSensor | Tolerance | Session) -> dict[str, Any]:
