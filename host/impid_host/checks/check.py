@@ -2,12 +2,10 @@
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
-from types import MappingProxyType
 from typing import Any, Literal
 
 Verdict = Literal["impossible", "contradiction", "suspect"]
 ORDER: tuple[Verdict, ...] = ("impossible", "contradiction", "suspect")
-_NOTHING: Mapping[str, Any] = MappingProxyType({})
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,7 +40,7 @@ class Check:
     where: str
     verdict: Verdict
     words: str
-    evidence: Mapping[str, Any] = field(default=_NOTHING)
+    evidence: Mapping[str, Any] = field(default_factory=dict)
     remedy: str = ""
     changes: tuple[Change, ...] = ()
 

@@ -98,18 +98,29 @@ def motion_of(theta: Floats, model: RobotModel, kinds: frozenset[str]) -> Motion
 class Motions:
     """Motions by angles and robot, kept while they are asked for again and again."""
 
-    def __init__(self, kinds: frozenset[str]) -> None:
-        self._kinds = kinds
+    def __init__(self, parent: "Motions | None" = None) -> None:
+        self._parent = parent
         self._known: dict[tuple[int, object], tuple[Floats, Motion]] = {}
+
+    def child(self) -> "Motions":
+        """Motions of a mended study: what it shares with this one is not computed again, the rest not kept."""
+        return Motions(self)
 
     def of(self, trial: TrialSignals, study: Signals) -> Motion:
         """The motion of one trial of a study."""
         theta = trial.theta
         key = (id(theta), study.robot)
-        if key not in self._known:
+        found = self._find(key)
+        if found is None:
             # The array is kept beside its motion, so that its id is not given away again.
-            self._known[key] = (theta, motion_of(theta, study.model, self._kinds))
-        return self._known[key][1]
+            found = motion_of(theta, study.model, study.kinds)
+            self._known[key] = (theta, found)
+        return found
+
+    def _find(self, key: tuple[int, object]) -> Motion | None:
+        if key in self._known:
+            return self._known[key][1]
+        return None if self._parent is None else self._parent._find(key)
 
 
 def force_in_base(trial: TrialSignals, study: Signals, tip: Floats) -> Floats | None:

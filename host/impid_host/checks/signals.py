@@ -4,11 +4,12 @@ Rows are averaged over 10 ms and interpolated. Whatever the setup turns raw numb
 force) is done already, so that a mistake is a map from one `Signals` to another.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from impid_host.checks.matching import Match, match
@@ -18,7 +19,7 @@ from impid_host.samples import DeviceSamples
 from impid_host.signals.align import robot_rows
 from impid_host.signals.arrays import Floats
 from impid_host.signals.counts import longest_run, specific_force, unwrap_counts, usable_samples
-from impid_host.study.model import RobotSetup, Setup, Study, Trial
+from impid_host.study.model import RobotLog, RobotSetup, Setup, Study, Trial
 
 RATE_HZ = 50.0
 LONGEST_S = 60.0
@@ -26,6 +27,7 @@ _BIN_S = 0.01
 _COUNTERS = (2.0**16, 2.0**12, 2.0**14, 2.0**18, 2.0**20, 2.0**24)
 _TURNS = (2 * np.pi, 360.0, np.pi, 180.0, 1.0)
 Frame = Literal["base", "link2"]
+ChannelMap = Callable[[Floats], Floats]
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,13 +76,14 @@ class Signals:
     force_frame: Frame = "base"
     force_angle: float = 0.0
     prior: tuple[float, ...] | None = None
+    kinds: frozenset[str] = frozenset()
 
     @property
     def planar(self) -> bool:
         """Two axes in a plane, where forces and an accelerometer have a direction."""
         return len(self.model.task_axes) == 2
 
-    def mapped(self, **channels: "ChannelMap") -> "Signals":
+    def mapped(self, **channels: ChannelMap) -> "Signals":
         """Every trial with channels replaced by functions of the trial."""
         return replace(self, trials=tuple(changed(trial, **channels) for trial in self.trials))
 
@@ -94,13 +97,10 @@ class Signals:
         return replace(self, robot=robot, model=robot_model(robot))
 
 
-ChannelMap = "object"
-
-
-def changed(trial: TrialSignals, **channels: object) -> TrialSignals:
+def changed(trial: TrialSignals, **channels: ChannelMap) -> TrialSignals:
     """One trial with arrays replaced by functions of themselves; a channel that is not there stays so."""
-    new = {
-        name: change(getattr(trial, name))  # type: ignore[operator]
+    new: dict[str, Any] = {
+        name: change(getattr(trial, name))
         for name, change in channels.items()
         if getattr(trial, name) is not None
     }
@@ -112,8 +112,11 @@ def signals_of(study: Study) -> Signals:
     setup = study.setup
     sensor = setup.accelerometer
     force = getattr(setup, "force_sensor", None)
+    trials = tuple(_trials(study))
     return Signals(
-        trials=tuple(_trials(study)),
+        trials=trials,
+        # A free trial may turn out to be a load's: both kinds of regressors are at hand.
+        kinds=frozenset(trial.kind for trial in trials) | {"mass-spring"},
         robot=setup.robot,
         model=robot_model(setup.robot),
         mount="link2" if sensor is None else sensor.mount,
@@ -165,7 +168,7 @@ def _module(device: DeviceSamples, setup: Setup) -> _Module | None:
 
 
 def _slow(trial: Trial, setup: Setup) -> TrialSignals | None:
-    log = robot_rows(trial.robot)
+    log = unbroken(robot_rows(trial.robot))
     if len(log) < 40:
         return None
     t = log.t - log.t[0]
@@ -188,10 +191,12 @@ def _slow(trial: Trial, setup: Setup) -> TrialSignals | None:
     end = min(end, begin + LONGEST_S)
     grid = np.arange(begin, end, 1 / RATE_HZ)
     stamped = t * factor
+    logged = _onto(stamped, angles, grid)
     counted = acceleration = None
     if both is not None and module is not None:
         at = both.offset_s + (1 + both.drift) * grid
         counted = _onto(module.t, module.counted, at)
+        logged, counted = _by_whole_wraps(logged, counted, wraps, setup)
         if module.acceleration is not None and angles.shape[1] == 2:
             acceleration = _onto(module.t, module.acceleration, at)
     return TrialSignals(
@@ -199,7 +204,7 @@ def _slow(trial: Trial, setup: Setup) -> TrialSignals | None:
         kind=(trial.on or "arm") if trial.kind == "stochastic" else trial.kind,
         load=trial.load,
         payload_kg=trial.payload_kg,
-        angles=_onto(stamped, angles, grid),
+        angles=logged,
         counted=counted,
         torque=_onto(stamped, log.tau, grid),
         force=None if log.force is None else _onto(stamped, np.nan_to_num(log.force), grid),
@@ -207,6 +212,47 @@ def _slow(trial: Trial, setup: Setup) -> TrialSignals | None:
         time_factor=factor,
         likeness=1.0 if both is None else both.likeness,
         wraps=wraps,
+    )
+
+
+def _by_whole_wraps(
+    logged: Floats, counted: Floats, wraps: tuple[tuple[str, int, float], ...], setup: Setup
+) -> tuple[Floats, Floats]:
+    """Where a channel wraps, its first value is known but for whole wraps: the other log's angle tells."""
+    for side, joint, size in wraps:
+        if joint >= counted.shape[1] or setup.encoder is None:
+            continue
+        turn = size if side == "controller" else size * 2 * np.pi / setup.encoder.counts_per_rev[joint]
+        apart = float(np.mean(logged[:, joint] - counted[:, joint]))
+        whole = turn * np.round(apart / turn)
+        if side == "controller":
+            logged[:, joint] -= whole
+        else:
+            counted[:, joint] += whole
+    return logged, counted
+
+
+def jumps(log: RobotLog) -> NDArray[np.intp]:
+    """Rows before which the log's clock jumps: by over a second and a hundred periods."""
+    steps = np.diff(log.t)
+    result: NDArray[np.intp] = np.flatnonzero(steps > max(1.0, 100 * float(np.median(steps)))) + 1
+    return result
+
+
+def unbroken(log: RobotLog) -> RobotLog:
+    """The longest stretch without such a jump."""
+    if len(log) < 2:
+        return log
+    edges = np.concatenate([[0], jumps(log), [len(log)]])
+    longest = int(np.argmax(np.diff(edges)))
+    part = slice(int(edges[longest]), int(edges[longest + 1]))
+    return RobotLog(
+        t=log.t[part],
+        theta=log.theta[part],
+        tau=log.tau[part],
+        force=None if log.force is None else log.force[part],
+        perturbation=None if log.perturbation is None else log.perturbation[part],
+        sync=None if log.sync is None else log.sync[part],
     )
 
 
