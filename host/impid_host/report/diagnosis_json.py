@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from typing import Any
 
+from impid_host.checks import Checks
 from impid_host.diagnosis.result import Diagnosis, Finding, Floor, Number, Stage
 from impid_host.report.diagnosis_units import structure_words
 
@@ -10,11 +11,12 @@ Json = dict[str, Any]
 LEAST_P = 1e-300  # below it a test underflows to zero, which no p-value is
 
 
-def diagnosis_json(diagnosis: Diagnosis) -> Json:
+def diagnosis_json(diagnosis: Diagnosis, checks: Checks | None = None) -> Json:
     """The whole answer. SI units; vectors [x, y], matrices [[xx, xy], [yx, yy]]."""
     return {
         "format": "impid-diagnosis/1",
         "study": diagnosis.study,
+        **({} if checks is None else checks.to_dict()),
         "trials": {
             "fit": list(diagnosis.fit_trials),
             "validation": list(diagnosis.validation_trials),
