@@ -7,6 +7,7 @@ from typing import Literal
 import click
 
 from impid_host.calibration.applied import apply, read_calibration, with_calibration
+from impid_host.cli.checked import offer_check
 from impid_host.errors import InputError
 from impid_host.recording.export.can_log import write_can_log
 from impid_host.recording.export.tables import write_mat, write_parquet
@@ -152,6 +153,7 @@ def command(
             click.echo(
                 f"{place}: {each.kind}, {len(each.device or ())} samples, {len(each.robot)} robot rows"
             )
+        offer_check(out)
 
 
 def _robot_log(

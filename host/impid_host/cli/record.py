@@ -162,6 +162,8 @@ def command(
         order = _Order(out, address, duration, speed, reconnect, said, calibration, view_at)
         outcome = _record(order, stopped)
     _conclude(outcome, order)
+    if sim:
+        click.echo(f"next: impid-host export {out} --out study/ && impid-host check study/", err=True)
 
 
 def _record(order: _Order, stopped: Callable[[], bool]) -> Outcome:

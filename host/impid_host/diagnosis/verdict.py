@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from impid_host.checks.check import Checks
 from impid_host.diagnosis.result import UNATTRIBUTED, Finding, Number, Stage, Structure, Tie
 
 _SURE, _LIKELY = 0.9, 0.7
@@ -88,3 +89,12 @@ def _largest(before: Number, after: Number) -> tuple[float, str, float, float] |
     label = "{}" if before.value.size == 1 else "{}_" + axes[int(k[0])] + axes[int(k[1])]
     a, b = float(before.value[k]), float(after.value[k])
     return abs(b - a) / size, label, a, b
+
+
+def beside_checks(words: str, checks: Checks) -> str:
+    """The sentence, headed by what makes the study not to be trusted: nothing is complete beside a contradiction."""
+    worst = next((own for own in checks.entries if own.verdict != "suspect"), None)
+    if worst is None:
+        return words
+    head = f"these numbers are not to be trusted ({worst.what}): {worst.words}"
+    return head if words.startswith("nothing is missing") else f"{head}; {words}"

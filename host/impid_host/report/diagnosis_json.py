@@ -3,19 +3,21 @@
 from collections.abc import Mapping
 from typing import Any
 
+from impid_host.checks import Checks
 from impid_host.diagnosis.result import Diagnosis, Finding, Floor, Number, Reported, Stage, Tie
 from impid_host.report.diagnosis_units import structure_words
 
 Json = dict[str, Any]
 
 
-def diagnosis_json(diagnosis: Diagnosis) -> Json:
+def diagnosis_json(diagnosis: Diagnosis, checks: Checks | None = None) -> Json:
     """The whole answer. SI units; vectors [x, y], matrices [[xx, xy], [yx, yy]]."""
     return {
         "format": "impid-diagnosis/1",
         "study": diagnosis.study,
         "baseline": diagnosis.baseline,
         "verdict": diagnosis.verdict,
+        **({} if checks is None else checks.to_dict()),
         "trials": {
             "fit": list(diagnosis.fit_trials),
             "validation": list(diagnosis.validation_trials),
