@@ -13,6 +13,7 @@ from impid_host.diagnosis.refit import Refit
 from impid_host.diagnosis.result import Chosen
 from impid_host.diagnosis.rows import rows_of
 
+_TOTAL = 1.01  # of the geometric mean over the channels
 _CHANCE = 1.05  # of the rms of a channel that an explanation does not touch, refitted beside it
 
 
@@ -24,7 +25,7 @@ def worse(last: Mapping[str, float], first: Mapping[str, float], stretch: float 
     """
     ratios = np.array([last[key] / max(before, 1e-300) for key, before in first.items() if key in last])
     limit = _CHANCE * max(stretch, 1.0)
-    return bool(len(ratios) and (np.mean(np.log(ratios)) > 0.0 or ratios.max() > limit))
+    return bool(len(ratios) and (np.mean(np.log(ratios)) > np.log(_TOTAL) or ratios.max() > limit))
 
 
 def stretch_of(chosen: Sequence[Chosen]) -> float:

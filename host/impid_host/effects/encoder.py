@@ -80,16 +80,20 @@ def _eccentricity(setting: Setting) -> Iterator[Term]:
 
 def _scale(setting: Setting) -> Iterator[Term]:
     """Counts per turn other than declared: in the module's setup alone, or in the controller's as well."""
-    for joint in range(setting.joints):
+    turn = turning(setting)
+    sets = [(joint,) for joint in turn]
+    for joints in [*sets, tuple(turn)] if len(turn) > 1 else sets:
         for variant in ("module and controller", "module"):
 
             def columns(
-                view: View, _shape: float, joint: int = joint, *, alone: bool = variant == "module"
+                view: View, _shape: float, joints: tuple[int, ...] = joints, *, alone: bool = variant == "module"
             ) -> Columns:
-                result = sensitivity(view, _STEP_RAD, _stretched(view, joint, _STEP_RAD))
+                moved = [_stretched(view, joint, _STEP_RAD) for joint in joints]
+                result = sensitivity(view, _STEP_RAD, *moved)
                 if alone and view.theta_robot is not None and result:
-                    gone = np.zeros((len(view.t), view.joints, 1))
-                    gone[:, joint, 0] = view.theta[:, joint] - view.zero_rad[joint]
+                    gone = np.zeros((len(view.t), view.joints, len(joints)))
+                    for q, joint in enumerate(joints):
+                        gone[:, joint, q] = view.theta[:, joint] - view.zero_rad[joint]
                     result["angle"] = gone
                 return result
 
@@ -97,22 +101,30 @@ def _scale(setting: Setting) -> Iterator[Term]:
                 view: View,
                 beta: Floats,
                 _shape: float,
-                joint: int = joint,
+                joints: tuple[int, ...] = joints,
                 *,
                 alone: bool = variant == "module",
             ) -> View:
-                true = _stretched(view, joint, float(beta[0]))
+                true = view
+                for joint, more in zip(joints, beta, strict=True):
+                    true = _stretched(true, joint, float(more))
                 return true if alone else _by_both(view, true)
 
             yield Term(
                 "encoder.scale",
-                (joint_name(joint),),
+                tuple(joint_name(joint) for joint in joints),
                 columns,
-                lambda beta, _shape: {"factor": 1.0 + float(beta[0])},
+                _read_scale,
+                size=len(joints),
                 undo=undo,
                 by_model=True,
                 variant=variant,
             )
+
+
+def _read_scale(beta: Floats, _shape: float) -> dict[str, Value]:
+    factors = [1.0 + float(b) for b in beta]
+    return {"factor": factors if len(factors) > 1 else factors[0]}
 
 
 def _stretched(view: View, joint: int, more: float) -> View:

@@ -194,14 +194,16 @@ def _by_torque(setting: Setting) -> Iterator[Term]:
     """A bearing or a gear that is pressed harder rubs more: by the torque that passes through the joint."""
     for joint in range(setting.joints):
 
-        def columns(view: View, _shape: float, joint: int = joint) -> Columns:
-            return on_joint(view, joint, np.abs(view.torque_model[:, joint]) * direction(view, joint))
+        def columns(view: View, bend: float, joint: int = joint) -> Columns:
+            return on_joint(view, joint, np.abs(view.torque_model[:, joint]) * direction(view, joint, bend))
 
         yield Term(
             "friction.load",
             (joint_name(joint),),
             columns,
-            lambda beta, _shape: {"coefficient": float(beta[0])},
+            lambda beta, _bend: {"coefficient": float(beta[0])},
+            shapes=_bends(setting, joint),
+            fine=True,
             by_model=True,
         )
 
