@@ -14,12 +14,13 @@ from impid_host.effects.view import View, rate_of, rotated
 from impid_host.errors import UndeterminedError
 from impid_host.impedance.loads import ROTARY_AXES
 from impid_host.robot.model import RobotModel
-from impid_host.signals.align import device_angles, robot_rows, sensor_angle
+from impid_host.samples import rows_of
+from impid_host.signals.align import base_frame_force, device_angles, robot_rows, sensor_angle
 from impid_host.signals.arrays import Floats, Mask
 from impid_host.signals.chain import PUBLISHED_CUTOFF_HZ
-from impid_host.signals.counts import longest_run, specific_force, usable_samples
+from impid_host.signals.counts import has_angles, longest_run, specific_force, usable_samples
 from impid_host.signals.filters import ZeroPhaseLowPass
-from impid_host.signals.resample import bridged, common_grid, nominal_rate, onto_grid
+from impid_host.signals.resample import Grid, bridged, common_grid, nominal_rate, onto_grid
 from impid_host.study.model import RobotLog, Setup, Study, Trial
 
 VIEW_RATE_HZ = 250.0
@@ -60,6 +61,9 @@ def view_of(trial: Trial, setup: Setup, model: RobotModel, bad: Mask) -> View:
         UndeterminedError: its clocks cannot be matched, or less than 2 s are left.
     """
     signals, valid, rate = _on_grid(trial, setup, ~bad)
+    force, angles = signals["force"], signals["theta"]
+    if force is not None and angles is not None:
+        signals["force"] = base_frame_force(force, angles, setup.force_sensor, model)
     step = max(1, round(rate / VIEW_RATE_HZ))
     wide = {name: _widely(values, rate) for name, values in signals.items() if values is not None}
     theta = wide["theta"]
@@ -151,34 +155,43 @@ def _matched(trial: Trial, t_device: Floats, theta_device: Floats, log: RobotLog
 
 def _on_grid(trial: Trial, setup: Setup, good: Mask) -> tuple[Signals, Mask, float]:
     log = robot_rows(trial.robot)
-    every = np.ones(len(log), dtype=bool)
-    if trial.device is None:
+    if trial.device is None or not has_angles(trial.device):
         rate = nominal_rate(log.t)
         grid = common_grid(log.t[0], log.t[-1], rate)
-        signals: Signals = {
-            "theta": onto_grid(log.t, log.theta, every, grid),
-            "tau": onto_grid(log.t, log.tau, good, grid),
-            "force": None if log.force is None else onto_grid(log.t, log.force, every, grid),
-        }
-        return signals, bridged(log.t, good, grid), rate
-    t_device, theta_device = device_angles(trial.device, setup)
-    clock = _matched(trial, t_device, theta_device, log)
-    t_robot = clock.to_device(log.t)
-    rate = nominal_rate(t_device)
-    grid = common_grid(max(t_device[0], t_robot[0]), min(t_device[-1], t_robot[-1]), rate)
-    usable = np.ones(len(t_device), dtype=bool)
-    joints = theta_device.shape[1]
-    signals = {
-        "theta": onto_grid(t_device, theta_device, usable, grid),
-        "tau": onto_grid(t_robot, log.tau, good, grid),
-        "theta_robot": onto_grid(t_robot, log.theta[:, :joints], every, grid),
-        "force": None if log.force is None else onto_grid(t_robot, log.force, every, grid),
+        signals, valid = _robot_signals(log, log.t, good, grid)
+        signals["theta"] = signals.pop("theta_robot")
+    else:
+        t_device, theta_device = device_angles(trial.device, setup)
+        t_robot = _matched(trial, t_device, theta_device, log).to_device(log.t)
+        rate = nominal_rate(t_device)
+        grid = common_grid(max(t_device[0], t_robot[0]), min(t_device[-1], t_robot[-1]), rate)
+        joints = theta_device.shape[1]
+        log = replace(log, theta=log.theta[:, :joints])
+        signals, valid = _robot_signals(log, t_robot, good, grid)
+        every = np.ones(len(t_device), dtype=bool)
+        signals["theta"] = onto_grid(t_device, theta_device, every, grid)
+        valid &= bridged(t_device, every, grid)
+    if trial.device is not None and setup.accelerometer is not None:
+        run = rows_of(trial.device, longest_run(trial.device))
+        usable, t_felt = usable_samples(run), run.t_us.astype(np.float64) * 1e-6
+        felt = specific_force(run, setup.accelerometer)
+        signals["measured"] = onto_grid(t_felt - setup.accelerometer.delay_s, felt, usable, grid)
+        valid &= bridged(t_felt, usable, grid)
+    return signals, valid, rate
+
+
+def _robot_signals(log: RobotLog, t: Floats, good: Mask, grid: Grid) -> tuple[Signals, Mask]:
+    """The robot's columns on the grid; instants beside a missing force are not valid."""
+    every, valid, force = np.ones(len(log), dtype=bool), bridged(t, good, grid), None
+    if log.force is not None:
+        known = np.asarray(np.isfinite(log.force).all(axis=1))
+        if known.any():
+            force = onto_grid(t, log.force, known, grid)
+            valid = valid & bridged(t, known, grid)
+    signals: Signals = {
+        "theta_robot": onto_grid(t, log.theta, every, grid),
+        "tau": onto_grid(t, log.tau, good, grid),
+        "force": force,
         "measured": None,
     }
-    if setup.accelerometer is not None:
-        part = longest_run(trial.device)
-        names = ("t_us", "seq", "ax", "ay", "enc1", "enc2", "flags")
-        run = type(trial.device)(**{name: getattr(trial.device, name)[part] for name in names})
-        felt = specific_force(run, setup.accelerometer)[usable_samples(run)]
-        signals["measured"] = onto_grid(t_device, felt, usable, grid)
-    return signals, bridged(t_device, usable, grid) & bridged(t_robot, good, grid), rate
+    return signals, valid
