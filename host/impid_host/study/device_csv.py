@@ -1,5 +1,6 @@
 """`device.csv`: the sensor module's samples, our board's or another module's."""
 
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -11,6 +12,7 @@ from impid_host.samples import FLAG_RESET, DeviceSamples, ForeignSamples, Module
 from impid_host.signals.arrays import Floats
 from impid_host.study.csv_table import CsvTable, read_columns, read_header, write_columns
 from impid_host.study.notices import notice
+from impid_host.study.stamps import recovered, words
 
 _TYPES: dict[str, np.dtype[Any]] = {
     "t_us": np.dtype(np.uint64),
@@ -50,7 +52,7 @@ def read_device_samples(path: Path) -> ModuleSamples:
         samples = DeviceSamples(**{name: table.columns[name] for name in _TYPES})
     if "seq" in header:
         _refuse_jump(samples, table)
-    samples = _longest_stretch(samples, table)
+    samples = _longest_stretch(_on_own_clock(samples, path), table)
     _report_losses(samples, path)
     return samples
 
@@ -84,6 +86,18 @@ def _foreign(path: Path, header: list[str]) -> tuple[ForeignSamples, CsvTable]:
         counts=stack(["enc1", "enc2"]) if counted else None,
     )
     return samples, table
+
+
+def _on_own_clock(samples: ModuleSamples, path: Path) -> ModuleSamples:
+    """Another module's rows, stamped in bursts or coarsely, on their own clock; ours stamps each."""
+    t = samples.t_us.astype(np.float64) * 1e-6
+    if isinstance(samples, DeviceSamples) or (np.diff(t) < 0).any():
+        return samples
+    again = recovered(t)
+    if again is None:
+        return samples
+    notice(f"{path}: {words(again[1])}")
+    return replace(samples, t_us=np.round(np.maximum(again[0], 0.0) * 1e6).astype(np.uint64))
 
 
 def _longest_stretch(samples: Samples, table: CsvTable) -> Samples:

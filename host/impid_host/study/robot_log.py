@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impid_host.errors import InputError
-from impid_host.study.model import Floats, RobotLog, StampFit
+from impid_host.study.model import Floats, RobotLog
 from impid_host.study.notices import notice
-from impid_host.study.stamps import clock_jump, recovered
+from impid_host.study.stamps import clock_jump, recovered, words
 
 FORCE_PAIRS = (("fx", "fy"), ("fdx", "fdy"))
 # No arm, spring or laboratory robot gets near these; a larger value is a wrong unit or a broken cell.
@@ -60,22 +60,9 @@ def robot_log(table: LogTable, joints: int) -> RobotLog:
     if again is None:
         return _log(columns, joints, _increasing(table))
     t, stamps = again
-    notice(f"{table.path}: {_words(stamps)}")
+    notice(f"{table.path}: {words(stamps)}")
     log = _log(columns | {"t": t}, joints, np.ones(len(t), dtype=bool))
     return replace(log, stamps=stamps, t_written=columns["t"])
-
-
-def _words(stamps: StampFit) -> str:
-    how = (
-        f"about {stamps.rows_per_step:.1f} rows share a stamp, which comes every {stamps.step_s * 1e3:.4g} ms"
-        if stamps.found == "bursts"
-        else f"the stamps are rounded to {stamps.step_s * 1e3:.4g} ms"
-    )
-    lost = f", {stamps.missing_rows} rows missing" if stamps.missing_rows else ""
-    return (
-        f"{how}; the rows are put on a clock of their own, one per {stamps.period_s * 1e3:.6g} ms{lost}; "
-        f"the stamps follow it to {stamps.residual_rms_s * 1e3:.3g} ms rms"
-    )
 
 
 def _check_values(table: LogTable) -> None:

@@ -229,3 +229,17 @@ def _resolution(theta: Floats) -> Floats:
     steps = np.abs(np.diff(theta[:5000], axis=0))
     smallest: Floats = np.min(np.where(steps > 1e-12, steps, np.inf), axis=0)
     return np.where(np.isfinite(smallest), smallest, 0.0)
+
+
+def words(stamps: StampFit) -> str:
+    """What was found and done, for a warning."""
+    how = (
+        f"about {stamps.rows_per_step:.1f} rows share a stamp, which comes every {stamps.step_s * 1e3:.4g} ms"
+        if stamps.found == "bursts"
+        else f"the stamps are rounded to {stamps.step_s * 1e3:.4g} ms"
+    )
+    lost = f", {stamps.missing_rows} rows missing" if stamps.missing_rows else ""
+    return (
+        f"{how}; the rows are put on a clock of their own, one per {stamps.period_s * 1e3:.6g} ms{lost}; "
+        f"the stamps follow it to {stamps.residual_rms_s * 1e3:.3g} ms rms"
+    )

@@ -211,3 +211,16 @@ def test_a_module_without_counts_needs_no_encoder_table(study_folder: Path) -> N
     folder = study_folder.parent / "again"
     write_study(replace(study, setup=replace(study.setup, encoder=None), trials=(trial,)), folder)
     assert isinstance(read_study(folder).trials[0].device, ForeignSamples)
+
+
+def test_another_modules_bursts_are_taken_apart(study_folder: Path) -> None:
+    true_us = 1_000_000 + 2500 * np.arange(4000)
+    stamps = np.ceil(true_us / 20_000) * 20_000
+    rows = "\n".join(f"{t:.0f},0.1,{k}" for k, t in enumerate(stamps))
+    device_csv(study_folder, f"t_us,acc_x,acc_y\n{rows}\n")
+    with pytest.warns(StudyWarning, match=r"device\.csv: the stamps are rounded to 20 ms.*one per 2\.50"):
+        device = read_study(study_folder).trials[0].device
+    assert device is not None
+    off_us = device.t_us.astype(np.float64) - true_us
+    assert len(off_us) == 4000
+    assert np.std(off_us) < 100
