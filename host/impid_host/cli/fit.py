@@ -84,6 +84,9 @@ REFLEX = "load.delay"
 @click.option(
     "--saved-robot", is_flag=True, help="With --model: its robot parameters, even if trials are free."
 )
+@click.option(
+    "--physical", is_flag=True, help="Also give the robot's links inertias that a body can have (URDF)."
+)
 @click.option("--constrain", is_flag=True, help="Also give M and K of arms symmetric and positive definite.")
 @click.option("--limb", type=PAIR, metavar="UPPER,FORE", help="Limb lengths, m: also give joint impedance.")
 @click.option("--shoulder", type=PAIR, metavar="X,Y", help="Where the shoulder is, m, in the robot's frame.")
@@ -105,6 +108,7 @@ def command(
     validate: float,
     model_file: Path | None,
     saved_robot: bool,
+    physical: bool,
     constrain: bool,
     limb: tuple[float, float] | None,
     shoulder: tuple[float, float] | None,
@@ -123,6 +127,7 @@ def command(
     Examples:
       impid-host fit study/
       impid-host fit study/ --json result.json --figures figures/
+      impid-host fit panda/ --with friction.coulomb --with actuator.offset --physical
       impid-host fit arm_study/ --constrain --limb 0.30,0.33 --shoulder 0.37,-0.50
       impid-host fit next_study/ --model model.json
       impid-host fit ankle/ --with load.delay --cutoff 40 --validate 20
@@ -132,7 +137,7 @@ def command(
     study = load_inputs(paths, robot_log, setup)
     row = _chain(study, chain, cutoff)
     own_terms = tuple(term for term in terms if term != REFLEX)
-    options = Options(row, acceleration, own_terms, Split(validate))
+    options = Options(row, acceleration, own_terms, Split(validate), physical)
     errors = Console(stderr=True)
     provenance = None
     saved = None if model_file is None else _saved(model_file, chain)
@@ -175,6 +180,8 @@ def command(
             joints=joints,
             partial=result.partial,
             cutoff_hz=result.cutoff_hz,
+            forces=result.forces,
+            physical=result.physical,
         )
         if provenance is not None:
             document["model"] = asdict(provenance)

@@ -155,10 +155,10 @@ def fit_linear(
     _require_determined(work, names)
     found = _ordinary(work)
     if ar_order > 0:
-        white = _generalised(work, found, ar_order)
-        moved = np.abs(white.value - found.value)
-        if np.all(moved < _HAUSMAN_SIGMAS * np.sqrt(np.diag(found.covariance))):
-            found = white
+        # Channels of unlike noise (a shoulder's torque, a wrist's) count by what each leaves over.
+        if work[0].target.shape[1] > 1:
+            found = _ordinary([_by_channel(stretch, _noise(work, found.value)) for stretch in work])
+        found = _generalised(work, found, ar_order)
     covariance = found.covariance
     if nuisance_covariance is not None:
         gain = _nuisance_gain(found.work)
@@ -187,7 +187,11 @@ def _ordinary(work: Sequence[Stretch]) -> _Solution:
 
 
 def _generalised(stretches: Sequence[Stretch], start: _Solution, ar_order: int) -> _Solution:
-    """Weighted by the residual's colour, which is found anew from each solution until both stand still."""
+    """Weighted by the residual's colour, which is found anew from each solution until both stand still.
+
+    Where that moves a parameter by more than four standard deviations, noisy regressors or a model that lacks
+    something are the likely reason (Hausman's test): the start stands.
+    """
     value, bread = start.value, _solve(stretches)[1]
     residual = np.concatenate([_residual(stretch, value) for stretch in stretches])
     covariance = bread * float(np.sum(residual**2)) / max(residual.size - len(value), 1)
@@ -202,6 +206,8 @@ def _generalised(stretches: Sequence[Stretch], start: _Solution, ar_order: int) 
         value, covariance = _solve(work)
         if np.all(np.abs(value - before) < _SETTLED * np.sqrt(np.diag(covariance))):
             break
+    if np.any(np.abs(value - start.value) >= _HAUSMAN_SIGMAS * np.sqrt(np.diag(start.covariance))):
+        return start
     added, spread = _of_the_colour(blocks, colour, len(value))
     kernel = _sandwich(work, value, covariance)[0]
     return _Solution(work, value, *_not_below(covariance + 2 * added, spread, kernel), colour.orders)
@@ -239,6 +245,19 @@ def _residual(stretch: Stretch, value: Floats) -> Floats:
 def _weighted(stretch: Stretch, weight: float) -> Stretch:
     nuisance = None if stretch.nuisance is None else stretch.nuisance * weight
     return Stretch(stretch.design * weight, stretch.target * weight, nuisance)
+
+
+def _noise(work: Sequence[Stretch], value: Floats) -> Floats:
+    """rms residual per channel over their mean, (c,)."""
+    residual = np.concatenate([_residual(stretch, value) for stretch in work])
+    rms = np.sqrt(np.mean(residual**2, axis=0))
+    result: Floats = np.maximum(rms, _ROUNDING * rms.max() + 1e-300) / max(float(rms.mean()), 1e-300)
+    return result
+
+
+def _by_channel(stretch: Stretch, size: Floats) -> Stretch:
+    nuisance = None if stretch.nuisance is None else stretch.nuisance / size[:, None]
+    return Stretch(stretch.design / size[:, None], stretch.target / size, nuisance)
 
 
 def _normal(work: Sequence[Stretch]) -> Floats:

@@ -10,12 +10,14 @@ from impid_host.impedance.identify import LoadFit, RobotFit
 from impid_host.impedance.joint_space import JointImpedance
 from impid_host.report.fit_tables import (
     constrained_table,
+    force_table,
     joint_table,
     load_table,
     partial_table,
     robot_table,
     spectral_table,
 )
+from impid_host.report.physical_table import physical_table
 
 _ROBOT_WORDS = {
     "prior": "Robot parameters from [prior] in setup.toml; their uncertainty is unknown and not propagated.",
@@ -42,6 +44,8 @@ def _parts(
 ) -> Iterator[RenderableType]:
     if isinstance(result.robot, RobotFit):
         yield robot_table(result.robot)
+        if result.physical is not None:
+            yield physical_table(result.robot, result.physical)
     else:
         yield _ROBOT_WORDS[result.robot.origin]
     for load in dict.fromkeys(fit.load for fit in result.loads):
@@ -58,6 +62,8 @@ def _parts(
             yield spectral_table(shaken)
     for fit in result.partial:
         yield partial_table(fit)
+    for compared in result.forces:
+        yield force_table(compared)
 
 
 def _pairs(fits: Sequence[LoadFit], constrained: Sequence[Constrained]) -> list[tuple[LoadFit, Constrained]]:

@@ -12,6 +12,8 @@ from impid_host.robot.slide_1d import Slide1D
 from impid_host.signals.arrays import Floats
 from impid_host.study.model import RobotSetup
 
+LINK = ("m", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")  # of a link, about its own origin
+
 
 class RobotModel(Protocol):
     """A robot whose torque is `regressor @ parameters`; n joints, d task axes, p parameters, N instants.
@@ -65,6 +67,18 @@ class RobotModel(Protocol):
     @property
     def parameter_units(self) -> tuple[str, ...]:
         """Their units."""
+
+    @property
+    def parameter_meanings(self) -> dict[str, str]:
+        """What those gather whose names do not say it."""
+
+    @property
+    def link_inertias(self) -> Floats | None:
+        """The first b parameters as sums of each link's ten of `LINK`, (b, 10 n); None: unknown."""
+
+    @property
+    def nonnegative(self) -> tuple[bool, ...]:
+        """Which of the p parameters cannot be negative by themselves: friction, an axis's inertia."""
 
     def regressor(self, theta: Floats, omega: Floats, theta_dd: Floats) -> Floats:
         """Y with tau = Y @ parameters in free motion: (N, n) three times -> (N, n, p)."""

@@ -30,6 +30,9 @@ class Planar2RAbsolute:
     task_is_rotary: ClassVar[bool] = False
     torque_at_load: ClassVar[bool] = False
     has_gravity: ClassVar[bool] = False
+    link_inertias: ClassVar[Floats | None] = None
+    parameter_meanings: ClassVar[dict[str, str]] = {}
+    nonnegative: ClassVar[tuple[bool, ...]] = (True, False, True, True, True)
     gravity_parameters: ClassVar[tuple[str, ...]] = ("gs1", "gc1", "gs2", "gc2")
     parameter_names: ClassVar[tuple[str, ...]] = ("alpha1", "alpha2", "alpha3", "alpha4", "alpha5")
     parameter_units: ClassVar[tuple[str, ...]] = ("kg*m^2", "kg*m^2", "kg*m^2", "N*m*s/rad", "N*m*s/rad")

@@ -35,6 +35,8 @@ class Planar2RRelative:
     task_axes: ClassVar[tuple[str, ...]] = ("x", "y")
     task_is_rotary: ClassVar[bool] = False
     torque_at_load: ClassVar[bool] = False
+    link_inertias: ClassVar[Floats | None] = None
+    parameter_meanings: ClassVar[dict[str, str]] = {}
 
     @property
     def has_gravity(self) -> bool:
@@ -55,6 +57,11 @@ class Planar2RRelative:
     def parameter_names(self) -> tuple[str, ...]:
         """Without gravity its two parameters move nothing, and are left out."""
         return _BASE + (_GRAVITY if self.has_gravity else ()) + _FRICTION
+
+    @property
+    def nonnegative(self) -> tuple[bool, ...]:
+        """Inertias and friction; first moments have either sign."""
+        return tuple(name.startswith(("ZZ", "Fv")) for name in self.parameter_names)
 
     @property
     def parameter_units(self) -> tuple[str, ...]:

@@ -14,6 +14,9 @@ class SingleAxis:
 
     plane_gravity_m_s2: ClassVar[tuple[float, float]] = (0.0, 0.0)
     has_gravity: ClassVar[bool] = False
+    link_inertias: ClassVar[Floats | None] = None
+    parameter_meanings: ClassVar[dict[str, str]] = {}
+    nonnegative: ClassVar[tuple[bool, ...]] = (True, True)
 
     def regressor(self, theta: Floats, omega: Floats, theta_dd: Floats) -> Floats:  # noqa: ARG002
         """Y (N, 1, 2)."""

@@ -16,7 +16,8 @@ JointColumn = Callable[[Floats, Floats, Floats], Floats]
 class Term:
     """A torque added on each joint: `parameter * column(theta, omega, theta_dd)`, (N, n) -> (N, n).
 
-    `holds`: at rest it carries whatever it must, so that the torque of a joint that rests says nothing.
+    `holds`: at rest it carries whatever it must, so that the torque of a joint that rests says nothing;
+    `nonnegative`: nothing has a negative one.
     """
 
     name: str
@@ -24,15 +25,16 @@ class Term:
     unit: str
     column: JointColumn
     holds: bool = False
+    nonnegative: bool = False
 
 
 TERMS: dict[str, Term] = {
     term.name: term
     for term in (
-        Term("friction.coulomb", "Fc", "N*m", lambda _theta, omega, _acc: np.sign(omega), holds=True),
+        Term("friction.coulomb", "Fc", "N*m", lambda _theta, omega, _acc: np.sign(omega), True, True),
         Term("actuator.offset", "offset", "N*m", lambda _theta, omega, _acc: np.ones_like(omega)),
         Term("friction.quadratic", "Fq", "N*m*s^2/rad^2", lambda _theta, omega, _acc: omega * np.abs(omega)),
-        Term("inertia.rotor", "Ia", "kg*m^2", lambda _theta, _omega, acc: acc),
+        Term("inertia.rotor", "Ia", "kg*m^2", lambda _theta, _omega, acc: acc, nonnegative=True),
         Term("elastic.joint", "k", "N*m/rad", lambda theta, _omega, _acc: theta),
     )
 }
@@ -67,6 +69,13 @@ class RobotStructure:
     def torque_units(self) -> tuple[str, ...]:
         """Unit of each joint's torque, n."""
         return tuple("N" if slides else "N*m" for slides in self.model.prismatic)
+
+    @property
+    def nonnegative(self) -> tuple[bool, ...]:
+        """Which of the parameters cannot be negative, in the order of the names."""
+        return self.model.nonnegative + tuple(
+            term.nonnegative for term in self.terms for _ in range(self.model.joints)
+        )
 
     @property
     def holds(self) -> bool:

@@ -13,10 +13,10 @@ import numpy as np
 from scipy import linalg
 
 from impid_host.errors import InputError
+from impid_host.robot.model import LINK
 from impid_host.robot.urdf_file import Chain, read_chain
 from impid_host.signals.arrays import Floats
 
-LINK = ("m", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
 _LINK_UNITS = ("kg", "kg*m", "kg*m", "kg*m", *["kg*m^2"] * 6)
 _RANK_TOLERANCE = 1e-8
 _NEGLIGIBLE = 1e-6
@@ -95,6 +95,16 @@ class Urdf:
     def parameter_names(self) -> tuple[str, ...]:
         """Base parameters, then viscous friction per joint."""
         return self.base.names + tuple(f"Fv{joint + 1}" for joint in range(self.joints))
+
+    @property
+    def link_inertias(self) -> Floats:
+        """Base parameters as sums of the links' own, (b, 10 n)."""
+        return self.base.grouping
+
+    @property
+    def nonnegative(self) -> tuple[bool, ...]:
+        """Friction; what a regrouping may be only its links together say."""
+        return (False,) * len(self.base.names) + (True,) * self.joints
 
     @property
     def parameter_meanings(self) -> dict[str, str]:

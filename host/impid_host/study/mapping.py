@@ -19,7 +19,7 @@ _FORCES = ("fx", "fy", "fdx", "fdy", "sync")
 
 
 class _Log(Table):
-    format: Literal["auto", "csv", "parquet", "mat"] = "auto"
+    format: Literal["auto", "csv", "parquet", "mat", "rosbag"] = "auto"
     delimiter: str = ","
     decimal: Literal[".", ","] = "."
     header: bool = True
