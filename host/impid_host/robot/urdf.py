@@ -154,7 +154,7 @@ class Urdf:
             full = pin.computeFrameJacobian(
                 self.pin_model, self.pin_data, q, self.frame, pin.LOCAL_WORLD_ALIGNED
             )
-            out[k] = full[rows]
+            out[k] = full.reshape(6, -1)[rows]
         return out
 
     def jacobian_rate(self, theta: Floats, omega: Floats) -> Floats:
@@ -167,7 +167,7 @@ class Urdf:
             full = pin.getFrameJacobianTimeVariation(
                 self.pin_model, self.pin_data, self.frame, pin.LOCAL_WORLD_ALIGNED
             )
-            out[k] = full[rows]
+            out[k] = full.reshape(6, -1)[rows]
         return out
 
     def tip_angle(self, theta: Floats) -> Floats:
@@ -184,7 +184,7 @@ class Urdf:
         J = pin.computeFrameJacobian(
             self.pin_model, self.pin_data, still, self.frame, pin.LOCAL_WORLD_ALIGNED
         )
-        return np.asarray(omega @ J[5])
+        return np.asarray(omega @ J.reshape(6, -1)[5])
 
     def inertia(self, theta: Floats, parameters: Floats) -> Floats:
         """(N, n) -> (N, n, n): the torque that a unit acceleration of each joint adds."""
@@ -259,7 +259,8 @@ def _full_regressor(
     wanted = list(range(10 * model.nv)) if columns is None else columns
     out = np.empty((len(theta), model.nv, len(wanted)))
     for k, (q, v, a) in enumerate(zip(theta, omega, theta_dd, strict=True)):
-        out[k] = pin.computeJointTorqueRegressor(model, data, q, v, a)[:, wanted]
+        # Of a single joint Pinocchio hands out one row without its axis.
+        out[k] = pin.computeJointTorqueRegressor(model, data, q, v, a).reshape(model.nv, -1)[:, wanted]
     return out
 
 
