@@ -98,15 +98,9 @@ def test_joints_that_tremble_rest_and_stay_open() -> None:
     assert robot.estimate.value[k] == pytest.approx(FC[2], abs=4 * robot.estimate.sd[k])
 
 
-def test_links_that_could_be_built_predict_better_where_the_motion_is_poor() -> None:
-    poor = free(3, noise=6.0)
-    poor = Trial(
-        poor.name,
-        "free",
-        "free",
-        RobotLog(poor.robot.t[:2000], poor.robot.theta[:2000], poor.robot.tau[:2000]),
-    )
-    result = fit_study(study(poor), Options(terms=TERMS, physical=True))
+def test_links_that_could_be_built_are_nearer_to_the_truth() -> None:
+    """The truth is among them, so the nearest of them explains the noiseless torque better (a projection)."""
+    result = fit_study(study(free(3, noise=6.0)), Options(terms=TERMS, physical=True))
     robot, possible = robot_of(result), result.physical
     assert possible is not None
     assert possible.worse_percent >= 0
@@ -117,8 +111,8 @@ def test_links_that_could_be_built_predict_better_where_the_motion_is_poor() -> 
     size = len(model.link_inertias)
     assert possible.value[:size] == pytest.approx(model.link_inertias @ possible.links.ravel(), abs=1e-9)
     assert (possible.value[size:] >= 0).all()
-    free_error, error = rms_error(robot, robot.parameters.value), rms_error(robot, possible.value)
-    assert np.sum(error**2) < np.sum(free_error**2)
+    unconstrained, error = rms_error(robot, robot.parameters.value, 3), rms_error(robot, possible.value, 3)
+    assert np.sum(error**2) < np.sum(unconstrained**2)
 
 
 def test_a_possible_estimate_is_left_as_it_is() -> None:
@@ -148,17 +142,17 @@ def loaded(seed: int, push_N_m: float = 0.0) -> Trial:
         tau[k] += J.T @ (mass * acc + K @ (x - x0))
         tau[k, 1] += push_N_m * np.sin(2.1 * t[k])
     tau += np.random.default_rng(seed).normal(0, 0.05, tau.shape)
-    return Trial(f"spring_{seed:02d}", "mass-spring", "spring", RobotLog(t, q, tau))
+    load = "pushed" if push_N_m else "spring"
+    return Trial(f"{load}_{seed:02d}", "mass-spring", load, RobotLog(t, q, tau))
 
 
 def test_a_load_in_space_is_found_by_the_virtual_sensor_alone() -> None:
-    result = fit_study(study(free(1), loaded(6)), Options(terms=TERMS))
-    (fit,) = result.loads
+    result = fit_study(study(free(1), loaded(6), loaded(6, push_N_m=40.0)), Options(terms=TERMS))
+    fit, pushed = result.loads
     assert fit.model.axes == ("x", "y", "z")
     expected = np.array([[400.0, 50.0, 0.0], [50.0, 600.0, -30.0], [0.0, -30.0, 300.0]])
     assert np.abs(fit.K.value - expected).max() < 0.05 * 600
     assert fit.M.value[0, 0] == pytest.approx(3.0, abs=0.3)
     assert fit.beyond_force_percent is not None
-    pushed = fit_study(study(free(1), loaded(6, push_N_m=40.0)), Options(terms=TERMS)).loads[0]
     assert pushed.beyond_force_percent is not None
     assert pushed.beyond_force_percent > 2 * fit.beyond_force_percent
