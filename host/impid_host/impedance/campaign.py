@@ -13,7 +13,7 @@ from impid_host.impedance.partial import PartialLoadFit, identify_partially
 from impid_host.impedance.physical import PhysicalRobot, physical_robot
 from impid_host.impedance.rows import Split
 from impid_host.impedance.stochastic import SpectralFit, fit_spectral, shaken
-from impid_host.robot.model import RobotModel, robot_model
+from impid_host.robot.model import RobotModel, robot_model, torque_at_load
 from impid_host.robot.terms import RobotStructure, robot_structure
 from impid_host.signals.align import AccelerationSource, AlignedTrial, align, robot_rows
 from impid_host.signals.band import following, motion_band_hz
@@ -63,8 +63,10 @@ class StudyFit:
 
 
 def default_chain(study: Study) -> Chain:
-    """The default chain, its cut-off following the motion of free trials, else of all that no force shook."""
-    trials = study.of_kind("free") or study.of_kind("mass-spring", "arm")
+    """The default chain, its cut-off following the motion of free trials, or of a limb that is moved."""
+    kinds = [trial.kind for trial in study.trials]
+    limb = torque_at_load(robot_model(study.setup.robot), kinds)
+    trials = study.of_kind("arm") if limb else study.of_kind("free")
     logs = [robot_rows(trial.robot) for trial in trials]
     return following(DEFAULT, [motion_band_hz(log.t, log.theta) for log in logs if len(log) >= _FEWEST_ROWS])
 

@@ -21,10 +21,10 @@ from impid_host.signals.align import AlignedTrial
 from impid_host.signals.arrays import Floats
 from impid_host.signals.chain import Chain
 
-_PULLS = (1.0, 1e-1, 1e-2)  # of the entropy, against squared standard deviations of rows
+_PULLS = tuple(10.0**power for power in range(6, -3, -1))  # of the entropy, against rows of unit variance
 _BALL_KG, _BALL_RADIUS_M = 1.0, 0.1
-_STEPS = 60  # of Newton, for each pull
-_SETTLED = 1e-8
+_STEPS = 200  # of Newton, for each pull
+_SETTLED = 1e-10
 _BACKTRACK = 0.5
 _ARMIJO = 1e-4
 
@@ -120,9 +120,8 @@ def _possible(
     entropy = _Entropy(
         many // 10, np.asarray(np.linalg.inv(pseudo_inertia(ball)), dtype=np.float64), positive
     )
-    normal, moment = A.T @ A, A.T @ aim
     for pull in _PULLS:
-        z = _newton(z, normal, moment, entropy, pull)
+        z = _newton(z, A, aim, entropy, pull)
     rest = np.zeros(len(shown))
     rest[shown] = z[many:]
     return z[:many], rest
@@ -150,37 +149,44 @@ class _Entropy:
         return total
 
     def slopes(self, z: Floats) -> tuple[Floats, Floats]:
-        """Gradient (v,) and Hessian (v, v)."""
-        gradient, hessian = np.zeros(len(z)), np.zeros((len(z), len(z)))
+        """Gradient (v,), and C with C'C the Hessian, (16 n + positives, v)."""
+        gradient = np.zeros(len(z))
+        root = np.zeros((16 * self.links + len(self.positive), len(z)))
         gradient[self.positive] = -1 / z[self.positive]
-        hessian[self.positive, self.positive] = 1 / z[self.positive] ** 2
+        root[16 * self.links + np.arange(len(self.positive)), self.positive] = 1 / z[self.positive]
         for k in range(self.links):
             part = slice(10 * k, 10 * k + 10)
-            inverse = np.linalg.inv(pseudo_inertia(z[part]))
-            turned = inverse @ _UNITS
+            half = np.linalg.inv(np.linalg.cholesky(pseudo_inertia(z[part])))
+            turned = half @ _UNITS @ half.T
             gradient[part] = np.einsum("ij,kij->k", self.inverse_ball, _UNITS) - np.trace(
                 turned, axis1=1, axis2=2
             )
-            hessian[part, part] = np.einsum("kij,lji->kl", turned, turned)
-        return gradient, hessian
+            root[16 * k : 16 * k + 16, part] = turned.reshape(10, 16).T
+        return gradient, root
 
 
-def _newton(z: Floats, normal: Floats, moment: Floats, entropy: _Entropy, pull: float) -> Floats:
-    """Minimum of 1/2 z' normal z - moment' z + pull * entropy, by damped steps."""
+def _newton(z: Floats, A: Floats, aim: Floats, entropy: _Entropy, pull: float) -> Floats:
+    """Minimum of 1/2 |A z - aim|^2 + pull * entropy, by damped steps.
+
+    Steps by QR of the Hessian's root: formed as A'A it would lose half of its digits and the descent.
+    """
 
     def cost(point: Floats) -> float:
-        return float(0.5 * point @ normal @ point - moment @ point) + pull * entropy.value(point)
+        return 0.5 * float(np.sum((A @ point - aim) ** 2)) + pull * entropy.value(point)
 
     for _ in range(_STEPS):
-        gradient, hessian = entropy.slopes(z)
-        gradient = normal @ z - moment + pull * gradient
-        hessian = normal + pull * hessian
-        size = np.sqrt(np.diag(hessian))
-        step = -np.linalg.solve(hessian / np.outer(size, size), gradient / size) / size
+        slope, root = entropy.slopes(z)
+        gradient = A.T @ (A @ z - aim) + pull * slope
+        stacked = np.concatenate([A, np.sqrt(pull) * root])
+        size = np.maximum(np.linalg.norm(stacked, axis=0), 1e-300)
+        (R,) = linalg.qr(stacked / size, mode="r")[:1]
+        R = R[: len(z)]
+        inner = linalg.solve_triangular(R, gradient / size, trans="T")
+        step = -linalg.solve_triangular(R, inner) / size
         gain = float(-gradient @ step)
-        if gain < _SETTLED:
-            break
         here, share = cost(z), 1.0
+        if gain < _SETTLED * (1 + abs(here)):
+            break
         while cost(z + share * step) > here - _ARMIJO * share * gain and share > 1e-12:
             share *= _BACKTRACK
         z = z + share * step

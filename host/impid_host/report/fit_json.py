@@ -129,6 +129,9 @@ def _robot(robot: RobotFit | RobotParameters, physical: PhysicalRobot | None) ->
         }
         if physical is not None:
             result["physical"] = _physical(physical, structure.parameter_names, keys)
+        for name, meaning in structure.model.parameter_meanings.items():
+            if name in result["parameters"]:
+                result["parameters"][name]["meaning"] = meaning
         if robot.resting:
             result["resting"] = [f"joint{joint + 1}" for joint in robot.resting]
     return result

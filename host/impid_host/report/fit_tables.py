@@ -253,6 +253,8 @@ def _robot_caption(fit: RobotFit) -> str:
     resting = ", ".join(str(joint + 1) for joint in fit.resting)
     left = "own friction, own inertia" + (" and torque" if len(fit.joints) < structure.model.joints else "")
     rest = f"joint {resting} rested: {left} stay open\n" if resting else ""
+    if structure.model.parameter_meanings:
+        rest += "R: regrouped with what moves alike (the JSON says with what)\n"
     return (
         f"{rest}VAF on {judged_on(fit)}: {vaf}; residual rms {rms}; "
         f"relative error {fit.estimate.relative_error_percent:.2f} % of the fitted rows\n"

@@ -13,10 +13,10 @@ import numpy as np
 from scipy import linalg
 
 from impid_host.errors import InputError
+from impid_host.robot.model import LINK
 from impid_host.robot.urdf_file import Chain, read_chain
 from impid_host.signals.arrays import Floats
 
-LINK = ("m", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
 _LINK_UNITS = ("kg", "kg*m", "kg*m", "kg*m", *["kg*m^2"] * 6)
 _RANK_TOLERANCE = 1e-8
 _NEGLIGIBLE = 1e-6
@@ -168,7 +168,7 @@ class Urdf:
             full = pin.computeFrameJacobian(
                 self.pin_model, self.pin_data, q, self.frame, pin.LOCAL_WORLD_ALIGNED
             )
-            out[k] = full[rows]
+            out[k] = full.reshape(6, -1)[rows]
         return out
 
     def jacobian_rate(self, theta: Floats, omega: Floats) -> Floats:
@@ -181,7 +181,7 @@ class Urdf:
             full = pin.getFrameJacobianTimeVariation(
                 self.pin_model, self.pin_data, self.frame, pin.LOCAL_WORLD_ALIGNED
             )
-            out[k] = full[rows]
+            out[k] = full.reshape(6, -1)[rows]
         return out
 
     def tip_angle(self, theta: Floats) -> Floats:
@@ -198,7 +198,7 @@ class Urdf:
         J = pin.computeFrameJacobian(
             self.pin_model, self.pin_data, still, self.frame, pin.LOCAL_WORLD_ALIGNED
         )
-        return np.asarray(omega @ J[5])
+        return np.asarray(omega @ J.reshape(6, -1)[5])
 
     def inertia(self, theta: Floats, parameters: Floats) -> Floats:
         """(N, n) -> (N, n, n): the torque that a unit acceleration of each joint adds."""
@@ -273,7 +273,8 @@ def _full_regressor(
     wanted = list(range(10 * model.nv)) if columns is None else columns
     out = np.empty((len(theta), model.nv, len(wanted)))
     for k, (q, v, a) in enumerate(zip(theta, omega, theta_dd, strict=True)):
-        out[k] = pin.computeJointTorqueRegressor(model, data, q, v, a)[:, wanted]
+        # Of a single joint Pinocchio hands out one row without its axis.
+        out[k] = pin.computeJointTorqueRegressor(model, data, q, v, a).reshape(model.nv, -1)[:, wanted]
     return out
 
 

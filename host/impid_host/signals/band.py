@@ -1,7 +1,6 @@
 """The band of a motion, by its velocity's power, and the default chain's cut-off, which follows it."""
 
 from collections.abc import Sequence
-from itertools import pairwise
 
 import numpy as np
 from scipy import signal
@@ -12,16 +11,15 @@ from impid_host.signals.chain import PUBLISHED_CUTOFF_HZ, Chain
 _MOST_OF_SPEED = 0.99  # of its power
 _HARMONICS = 2.0  # products of two signals of a band reach twice as far
 _WIDEST_HZ = 50.0
-_LOWEST_HZ = 0.5
 _HIGHEST_HZ = 60.0  # of the filter ahead of all derivatives
-_BINS = 21
+_CERTAINLY = 5.0  # times the noise's density: one period in a thousand exceeds it by chance
 _WINDOW_S = 8.0
 
 
 def motion_band_hz(t: Floats, theta: Floats) -> float:
     """Frequency below which 99 % of the velocity's power lies, of the quickest joint.
 
-    Noise of the encoders, which grows with frequency, is cut off at the valley between it and the motion.
+    Noise of the encoders, even in the angle and so growing in the velocity, is taken off first.
 
     Args:
         t: s, (N,), increasing; theta: (N, n).
@@ -34,20 +32,19 @@ def motion_band_hz(t: Floats, theta: Floats) -> float:
         frequency, power = signal.welch(
             speed, rate, nperseg=min(len(speed), int(_WINDOW_S * rate)), detrend=False
         )
-        power = np.where(frequency <= _valley(frequency, power, min(_HIGHEST_HZ, 0.4 * rate)), power, 0.0)
+        power = np.maximum(power - _noise(frequency, power, min(_HIGHEST_HZ, 0.4 * rate)), 0.0)
         share = np.cumsum(power) / max(float(power.sum()), 1e-300)
         bands.append(float(frequency[np.argmax(share >= _MOST_OF_SPEED)]))
     return max(bands)
 
 
-def _valley(frequency: Floats, power: Floats, highest: float) -> float:
-    """Upper end of the quietest of the logarithmic bins up to `highest`, Hz."""
-    edges = np.geomspace(min(_LOWEST_HZ, highest / 2), highest, _BINS + 1)
-    levels = []
-    for low, high in pairwise(edges):
-        inside = (frequency >= low) & (frequency < high)
-        levels.append(float(np.mean(np.log(power[inside] + 1e-300))) if inside.any() else np.inf)
-    return float(edges[int(np.argmin(levels)) + 1])
+def _noise(frequency: Floats, power: Floats, highest: float) -> Floats:
+    """Density of a velocity's noise: even in the angle, as the upper half of the band has it."""
+    square = (2 * np.pi * frequency) ** 2
+    top = (frequency > 0.5 * highest) & (frequency < highest)
+    level = float(np.median(power[top] / square[top])) if top.any() else 0.0
+    noise = np.where(frequency < highest, _CERTAINLY * level * square, np.inf)
+    return np.asarray(noise, dtype=np.float64)
 
 
 def following(chain: Chain, bands_hz: Sequence[float]) -> Chain:

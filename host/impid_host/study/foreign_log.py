@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from impid_host.errors import InputError
 from impid_host.study.csv_table import CsvDialect, CsvTable, hint_at_delimiter, read_columns, read_header
 from impid_host.study.mat_log import Hdf5Log, MatLog
+from impid_host.study.rosbag_log import RosbagLog, bag_of
 
 # Columns larger than this do not come from one trial; a hostile file may merely claim them.
 MAX_COLUMN_BYTES = 1 << 30
@@ -129,11 +130,14 @@ def _is_number(kind: pa.DataType) -> bool:
 
 
 def open_log(path: Path, file_format: str, dialect: CsvDialect) -> ForeignLog:
-    """Open a log; `file_format` is "csv", "parquet", "mat", or "auto" to judge by the file's first bytes.
+    """Open a log; `file_format` is "csv", "parquet", "mat", "rosbag", or "auto" to judge by the file.
 
     Raises:
         InputError: the file is missing, empty, or not what it should be.
     """
+    bag = bag_of(path) if file_format in ("auto", "rosbag") else None
+    if bag is not None:
+        return RosbagLog(bag)
     try:
         if path.is_dir():
             raise InputError(path, "is a folder", "give the log files themselves")

@@ -20,7 +20,7 @@ _OPTIONAL = (*(name for pair in _PAIRS for name in pair), "sync")
 
 
 class _Log(Table):
-    format: Literal["auto", "csv", "parquet", "mat"] = "auto"
+    format: Literal["auto", "csv", "parquet", "mat", "rosbag"] = "auto"
     delimiter: str = ","
     decimal: Literal[".", ","] = "."
     header: bool = True
