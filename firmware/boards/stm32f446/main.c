@@ -20,7 +20,6 @@ enum { AF_TIM2 = 1, AF_TIM4 = 2, AF_TIM5 = 2 };
 
 static impid_core_t core;
 static impid_settings_t settings;
-static uint16_t supply_mV;
 static bool reset_requested;
 
 static uint32_t port_now_us(void *context) {
@@ -50,9 +49,11 @@ static void port_self_test_pin(void *context, bool drive) {
 
 static impid_port_health_t port_health(void *context) {
     (void)context;
-    impid_port_health_t health = {.supply_mV = supply_mV};
+    impid_port_health_t health = {0};
     sampling_health(&health);
+    serial_health(&health);
     can_health(&health);
+    fault_health(&health);
     return health;
 }
 
@@ -128,7 +129,7 @@ int main(void) {
     watchdog_start();
     bool external_clock = clock_start();
     set_pins_up();
-    supply_mV = sampling_supply_mV();
+    sampling_measure_supply();
 
     impid_settings_init(&settings, &flash_port);
     (void)impid_settings_prepare(&settings);
@@ -141,7 +142,6 @@ int main(void) {
         .reset_cause = reset_cause,
         .clock_source = external_clock ? IMPID_MESSAGES_STATUS_HEALTH_CLOCK_SOURCE_HSE_CHOICE
                                        : IMPID_MESSAGES_STATUS_HEALTH_CLOCK_SOURCE_HSI_CHOICE,
-        .vref_mV = supply_mV,
         .settings = &settings,
         .log = (const uint32_t *)(const void *)fault_log(),
         .log_words = FAULT_LOG_WORDS,

@@ -329,8 +329,7 @@ static void check(struct impid_messages_response_t response, uint8_t result, uin
 
 static void test_commands_read_change_and_keep_settings(void) {
     static const uint32_t log_words[] = {3, 0xDEADBEEFu};
-    const impid_core_config_t config = {
-        .vref_mV = 3300, .settings = &settings, .log = log_words, .log_words = 2};
+    const impid_core_config_t config = {.settings = &settings, .log = log_words, .log_words = 2};
     TEST_ASSERT_TRUE(impid_settings_prepare(&settings));
     (void)impid_settings_count_boot(&settings);
     fake_port_init(&fake);
