@@ -15,7 +15,7 @@ from hil_sim.board import layout
 from hil_sim.board.elf.board import ElfBoard
 
 ROOT = Path(__file__).resolve().parents[2]
-ELF = ROOT / ".pio" / "build" / "nucleo_f446re" / "program.elf"
+ELF = ROOT / ".pio" / "build" / "nucleo_f446re" / "firmware.elf"
 STALLED, SYNC_EDGE = 0x08, 0x02
 
 
