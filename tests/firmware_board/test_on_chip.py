@@ -337,3 +337,30 @@ def test_the_supply_is_followed_while_samples_are_taken() -> None:
     assert status.supply_mV == pytest.approx(3150, abs=2)
     assert (status.late, status.overruns, status.ring_lost) == (0, 0, 0)
     assert bench.value("INFO", "VREF_MV") == status.supply_mV
+
+
+def pulls(bench: Bench) -> dict[str, int]:
+    """GPIOx_PUPDR of the inputs from outside (RM0390 7.4.4): 0 none, 1 up, 2 down."""
+    places = {
+        "encoder 1": ["A15", "B3"], "encoder 2": ["A0", "A1"], "faults": ["B10", "A8"], "sync": ["B6"],
+    }  # fmt: skip
+    gpio = bench.board.soc.gpio
+    found = {
+        name: {gpio[pin[0]].value["PUPDR"] >> 2 * int(pin[1:]) & 3 for pin in pins}
+        for name, pins in places.items()
+    }
+    assert all(len(values) == 1 for values in found.values()), found
+    return {name: values.pop() for name, values in found.items()}
+
+
+def test_an_input_has_its_pull_only_if_its_setting_says_so() -> None:
+    bench = Bench()
+    assert pulls(bench) == {"encoder 1": 0, "encoder 2": 0, "faults": 1, "sync": 2}
+    for item in ("ENCODER_1_PULL", "ENCODER_2_PULL"):
+        bench.value("SET", item, 1)
+    for item in ("FAULT_1_PULL", "FAULT_2_PULL", "SYNC_PULL"):
+        bench.value("SET", item, 0)
+    assert bench.ask("SET", "SYNC_PULL", 2).result == code("result", "BAD_VALUE", "RESPONSE")
+    bench.value("SAVE")
+    bench.reset()
+    assert pulls(bench) == {"encoder 1": 1, "encoder 2": 1, "faults": 0, "sync": 0}
