@@ -125,6 +125,10 @@ def _health(status: BoardStatus) -> dict[str, Any]:
         "frames_dropped": status.frames_dropped,
         "rejected_commands": status.rejected,
         "bus_off": status.bus_off,
+        "line_errors": status.line_errors,
+        "can_overruns": status.can_overruns,
+        "adc_overruns": status.adc_overruns,
+        "dma_errors": status.dma_errors,
     }
 
 

@@ -92,7 +92,8 @@ class SerialDecoder:
                 np.frombuffer(frames.records[i], dtype="<u8"),
             )
             if kind == KIND["STATUS"]:
-                statuses += [_status(header, row) for row in words.reshape(-1, len(STATUS))]
+                each = len(words) // max(int(header["count"]), 1)
+                statuses += [_status(header, row) for row in words.reshape(-1, max(each, 1))]
             elif kind == KIND["RESPONSE"]:
                 responses += [_response(header, word) for word in words]
             elif kind == KIND["PONG"]:
@@ -173,7 +174,7 @@ def scalars(layout: MessageLayout, word: int) -> dict[str, int]:
 
 def _status(header: Any, words: Words) -> BoardStatus:
     signals: dict[str, int] = {}
-    for layout, word in zip(STATUS, words.tolist(), strict=True):
+    for layout, word in zip(STATUS, words.tolist(), strict=False):  # an older board sends fewer
         signals |= scalars(layout, word)
     return BoardStatus(int(header["boot_id"]), int(header["t0_us"]), int(header["first_index"]), **signals)
 

@@ -57,7 +57,8 @@ class BoardStatus:
     """The board's own counters, all since boot except `produced` and `ring_lost` (since START).
 
     The fields after next_index are the signals of the STATUS_* messages in their order. t_us is the board
-    time of sending, next_index the index of the next sample at that time.
+    time of sending, next_index the index of the next sample at that time. Those of STATUS_LOSSES (the resets
+    by the converter and by DMA: since power-on) are None where the board does not count them.
     """
 
     boot_id: int
@@ -83,6 +84,10 @@ class BoardStatus:
     tx_errors: int
     rx_errors: int
     uptime_s: int
+    line_errors: int | None = None
+    can_overruns: int | None = None
+    adc_overruns: int | None = None
+    dma_errors: int | None = None
 
 
 @dataclass(frozen=True, slots=True)
