@@ -14,7 +14,7 @@ import numpy as np
 from impid_host.diagnosis.rows import Key
 from impid_host.diagnosis.score import Explanation, difference, explanation
 from impid_host.diagnosis.table import Table, drop, projected, residuals
-from impid_host.effects.bounds import possible
+from impid_host.effects.bounds import negligible, possible
 from impid_host.effects.effect import Term
 from impid_host.signals.arrays import Floats
 
@@ -195,6 +195,11 @@ class Walk:
 
     def matters(self, slots: Sequence[int], place: int) -> bool:
         """What the term changes is more than nobody would care about."""
+        slot = self.table.slots[slots[place]]
+        first = sum(self.table.term(s).size for s in slots[:place])
+        beta = self.score(slots).beta[first : first + slot.term.size]
+        if negligible(slot.term, beta, slot.shape):
+            return False
         return size_that_matters(self.table, (*self.given, *slots), len(self.given) + place, self.rules)
 
     def contenders(self, old: Explanation) -> dict[int, bool]:
@@ -280,8 +285,10 @@ def refined_one(table: Table, rest: Sequence[int], s: int) -> tuple[Table, int]:
         left, right = shapes[max(here - 1, 0)], shapes[min(here + 1, len(shapes) - 1)]
         if right - left < 1e-3 * abs(shapes[here]):
             break
-        fresh = np.linspace(left, right, _FINER)[1:-1]
-        table = table.with_shapes(term, [float(v) for v in fresh if abs(v - shapes[here]) > 1e-12])
+        fresh = [float(v) for v in np.linspace(left, right, _FINER)[1:-1] if abs(v - shapes[here]) > 1e-12]
+        if not fresh:
+            break
+        table = table.with_shapes(term, fresh)
         s = best_of(table)
     return table, s
 

@@ -131,23 +131,23 @@ def _lever_arm(setting: Setting) -> Iterator[Term]:
 
 
 _ROWS = (
-    ("accel.misalignment", "the axes stand angle_rad further", (Parameter("angle_rad", "rad", -0.5, 0.5),)),
-    ("accel.scale", "reading = gain * specific force", (Parameter("gain", "1", 0.5, 1.5),)),
-    ("accel.bias", "reading += bias, along the sensor's axes", (Parameter("bias", "m/s^2", -5, 5),)),
+    ("accel.misalignment", "the axes stand angle_rad further", (Parameter("angle_rad", "rad", -0.5, 0.5, least=3e-4),)),
+    ("accel.scale", "reading = gain * specific force", (Parameter("gain", "1", 0.5, 1.5, least=3e-4, none=1.0),)),
+    ("accel.bias", "reading += bias, along the sensor's axes", (Parameter("bias", "m/s^2", -5, 5, least=2e-4),)),
     (
         "accel.cross_axis",
         "reading of an axis += cross * that of the other",
-        (Parameter("cross", "1", -0.5, 0.5),),
+        (Parameter("cross", "1", -0.5, 0.5, least=3e-4),),
     ),
     (
         "accel.delay",
         "reading(t) = specific force(t - delay)",
-        (Parameter("delay", "s", -_MAX_DELAY_S, _MAX_DELAY_S),),
+        (Parameter("delay", "s", -_MAX_DELAY_S, _MAX_DELAY_S, least=2e-5),),
     ),
     (
         "accel.lever_arm",
         "reading += turn' x lever - turn^2 lever, lever along the sensor's axes",
-        (Parameter("lever", "m", -0.5, 0.5),),
+        (Parameter("lever", "m", -0.5, 0.5, least=1e-4),),
     ),
 )
 _TERMS = (_misalignment, _scale, _bias, _cross_axis, _delay, _lever_arm)

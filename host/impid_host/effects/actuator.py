@@ -186,7 +186,7 @@ EFFECTS = (
         "actuator.gain",
         "true torque = gain * logged torque",
         "actuator",
-        (Parameter("gain", "1", 0.5, 2.0),),
+        (Parameter("gain", "1", 0.5, 2.0, least=1e-3, none=1.0),),
         "Gautier and Briot, Global identification of joint drive gains, J. Dyn. Sys. 136 (2014)",
         _gain,
         tells={
@@ -221,7 +221,7 @@ EFFECTS = (
         "actuator.delay",
         "logged torque(t) = torque(t - delay)",
         "actuator",
-        (Parameter("delay", "s", -_MAX_DELAY_S, _MAX_DELAY_S),),
+        (Parameter("delay", "s", -_MAX_DELAY_S, _MAX_DELAY_S, least=2e-5),),
         "study format, Conventions",
         _delay_rows("actuator.delay"),
         tells={"actuator.lag": _EARLIER},

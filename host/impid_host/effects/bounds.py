@@ -28,6 +28,14 @@ def outside(term: Term, beta: Floats, shape: float) -> list[str]:
     ]
 
 
+def negligible(term: Term, beta: Floats, shape: float) -> bool:
+    """Whether every parameter that has a region of practical equivalence lies in it."""
+    rows = {row.name: row for row in CATALOGUE[term.effect].parameters} if term.named else {}
+    found = term.read(beta, shape)
+    sized = [(rows[name], value) for name, value in found.items() if name in rows and rows[name].least > 0]
+    return bool(sized) and all(abs(v - row.none) < row.least for row, value in sized for v in numbers(value))
+
+
 def numbers(value: Value) -> Iterator[float]:
     """Every number of a reported value."""
     for own in value.values() if isinstance(value, dict) else [value]:

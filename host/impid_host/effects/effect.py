@@ -33,6 +33,8 @@ class Parameter:
 
     Attributes:
         amplitude: an effect is not there where this is zero, so that its interval must exclude zero.
+        least: half width of the region of practical equivalence: nobody would care about less.
+        none: the value at which the effect is not there.
     """
 
     name: str
@@ -40,6 +42,8 @@ class Parameter:
     low: float = -np.inf
     high: float = np.inf
     amplitude: bool = False
+    least: float = 0.0
+    none: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)

@@ -129,9 +129,11 @@ def _bias(setting: Setting) -> Iterator[Term]:
             "force.bias", tuple(_AXES[axis] for axis in axes), columns, _per_axis("bias", 0.0), size=len(axes)
         )
         yield steady
-        # A zero that drifts does so from trial to trial as well.
+        # A zero that drifts does so from trial to trial as well, or comes back when it is zeroed before each.
         drifts = replace(steady, columns=drifting, read=_read_drift, size=2 * len(axes), variant="drift")
-        yield each_trial(drifts, setting, loaded=True)
+        yield drifts
+        if len(setting.loaded) > 1:
+            yield each_trial(drifts, setting, loaded=True)
 
 
 def _read_drift(beta: Floats, _shape: float) -> dict[str, Value]:
@@ -164,7 +166,7 @@ EFFECTS = (
         "force.scale",
         "reading = gain * force, along the sensor's axes",
         "sensor",
-        (Parameter("gain", "1", 0.3, 3.0),),
+        (Parameter("gain", "1", 0.3, 3.0, least=5e-4, none=1.0),),
         _SOURCE,
         _scale,
         tells={"": _WEIGHED},
@@ -173,7 +175,7 @@ EFFECTS = (
         "force.misalignment",
         "the sensor's axes stand angle_rad further",
         "sensor",
-        (Parameter("angle_rad", "rad", -0.6, 0.6),),
+        (Parameter("angle_rad", "rad", -0.6, 0.6, least=5e-4),),
         _SOURCE,
         _misalignment,
         tells={"": _TURNED},
@@ -182,7 +184,7 @@ EFFECTS = (
         "force.cross_axis",
         "reading of an axis += cross * the force along the other",
         "sensor",
-        (Parameter("cross", "1", -0.5, 0.5),),
+        (Parameter("cross", "1", -0.5, 0.5, least=5e-4),),
         _SOURCE,
         _cross_axis,
         tells={"": _TURNED},
