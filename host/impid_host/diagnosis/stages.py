@@ -68,13 +68,18 @@ def grouped(chosen: Sequence[Chosen]) -> list[list[int]]:
         for group in groups:
             first = chosen[group[0]].term
             places = {name for j in group for name in chosen[j].term.where}
-            alike = (first.effect, first.when, first.variant) == (term.effect, term.when, term.variant)
+            alike = (first.effect, first.when) == (term.effect, term.when) and _same_form(chosen[group[0]], part)
             if alike and term.named and not places & set(term.where) and not term.own:
                 group.append(k)
                 break
         else:
             groups.append([k])
     return groups
+
+
+def _same_form(one: Chosen, other: Chosen) -> bool:
+    """Whether both report the same parameters, so that one entry can hold a value for each."""
+    return set(parameters_of(one)) == set(parameters_of(other)) and not one.term.own
 
 
 def named_stages(

@@ -88,19 +88,20 @@ def _coulomb(setting: Setting) -> Iterator[Term]:
 
 def _stribeck(setting: Setting) -> Iterator[Term]:
     for joint in range(setting.joints):
-        bend = float(_BEND * setting.span[joint])
+        for bend in (float(part * setting.span[joint]) for part in _BENDS[::2]):
 
-        def columns(view: View, speed: float, joint: int = joint, bend: float = bend) -> Columns:
-            omega = view.omega[:, joint]
-            return on_joint(view, joint, direction(view, joint, bend) * np.exp(-((omega / speed) ** 2)))
+            def columns(view: View, speed: float, joint: int = joint, bend: float = bend) -> Columns:
+                omega = view.omega[:, joint]
+                return on_joint(view, joint, direction(view, joint, bend) * np.exp(-((omega / speed) ** 2)))
 
-        yield Term(
-            "friction.stribeck",
-            (joint_name(joint),),
-            columns,
-            lambda beta, speed: {"torque": float(beta[0]), "speed": speed},
-            shapes=tuple(float(setting.speed[joint] * part) for part in np.geomspace(0.02, 0.6, 9)),
-        )
+            yield Term(
+                "friction.stribeck",
+                (joint_name(joint),),
+                columns,
+                lambda beta, speed: {"torque": float(beta[0]), "speed": speed},
+                shapes=tuple(float(setting.speed[joint] * part) for part in np.geomspace(0.02, 0.6, 9)),
+                variant=f"bends over {bend:.1g}" if bend else "",
+            )
 
 
 def _asymmetric(setting: Setting) -> Iterator[Term]:
