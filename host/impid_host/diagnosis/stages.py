@@ -79,7 +79,8 @@ def grouped(chosen: Sequence[Chosen]) -> list[list[int]]:
 
 def _same_form(one: Chosen, other: Chosen) -> bool:
     """Whether both report the same parameters, so that one entry can hold a value for each."""
-    return set(parameters_of(one)) == set(parameters_of(other)) and not one.term.own
+    names = [set(part.term.read(part.beta, part.shape)) for part in (one, other)]
+    return names[0] == names[1] and not one.term.own
 
 
 def named_stages(
