@@ -79,8 +79,12 @@ class Base:
         if view.load is not None:
             load = dict(self.loads)[view.load]
             x0, K = equilibrium(load, value[self.slot(view.load)])
-        torque = self.columns(view)["torque"] @ value
-        return replace(view, torque_model=torque, x0=x0, K=K, respond=respond, alpha=value[: self.robot])
+        response = respond(view)
+        torque = response["torque"]
+        alpha = value[: self.robot]
+        return replace(
+            view, torque_model=torque, x0=x0, K=K, respond=respond, response=response, alpha=alpha
+        )
 
 
 def equilibrium(load: LoadModel, value: Floats) -> tuple[Floats, Floats]:

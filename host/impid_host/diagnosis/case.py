@@ -132,7 +132,7 @@ def saturated(base: Base, slots: Sequence[Slot], rows: int) -> list[Slot]:
     Args:
         rows: of a channel; a regression on more than a fifth as many columns would take noise for signal.
     """
-    for most in (4, 2, 1):
+    for most in (2, 1):
         result = [
             slot
             for slot in slots

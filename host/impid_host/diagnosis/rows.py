@@ -38,7 +38,8 @@ class Run:
     Attributes:
         begin_s: time of the first row; step_s: between rows.
         target: (N,); base: columns of the base model, (N, p).
-        used: which columns of the terms are not zero here, (k,), rising; design: those, (N, k).
+        used: which columns of the terms are not zero here, (k,), rising; design: those, (N, k), in single precision:
+            a column is never told from another by its seventh digit.
     """
 
     trial: str
@@ -50,7 +51,7 @@ class Run:
     target: Floats
     base: Floats
     used: Index
-    design: Floats
+    design: NDArray[np.float32]
 
     @property
     def key(self) -> Key:
@@ -166,7 +167,9 @@ def _low_columns(
     return result
 
 
-def _used(blocks: Sequence[tuple[int, Floats]], channel: int, count: int) -> tuple[Index, Floats]:
+def _used(
+    blocks: Sequence[tuple[int, Floats]], channel: int, count: int
+) -> tuple[Index, NDArray[np.float32]]:
     """Which columns a channel has, (k,), and they, (N, k)."""
     places, parts = [], []
     for first, block in blocks:
@@ -176,10 +179,10 @@ def _used(blocks: Sequence[tuple[int, Floats]], channel: int, count: int) -> tup
             places.append(first + alive)
             parts.append(own[:, alive])
     if not parts:
-        return np.zeros(0, dtype=np.intp), np.zeros((count, 0))
+        return np.zeros(0, dtype=np.intp), np.zeros((count, 0), dtype=np.float32)
     place = np.concatenate(places)
     order = np.argsort(place, kind="stable")
-    return place[order], np.concatenate(parts, axis=1)[:, order]
+    return place[order], np.concatenate(parts, axis=1)[:, order].astype(np.float32)
 
 
 def _stretches(kept: Mask) -> list[Index]:
@@ -212,7 +215,7 @@ def _without_clock_match(runs: list[Run], view: View, lower: Decimator) -> list[
     result = [run for run in runs if run.family != ANGLE]
     for block, run in zip(nuisance, angle, strict=True):
         left = np.column_stack([run.target, run.columns(wanted)]) - block @ gain
-        result.append(replace(run, target=left[:, 0], used=wanted, design=left[:, 1:]))
+        result.append(replace(run, target=left[:, 0], used=wanted, design=left[:, 1:].astype(np.float32)))
     return result
 
 
@@ -230,6 +233,6 @@ def mapped(runs: Sequence[Run], change: Callable[[Run, Floats], Floats]) -> list
             lost = len(run.target) - len(Z)
             begin = run.begin_s + lost * run.step_s
             result.append(
-                replace(run, begin_s=begin, target=Z[:, 0], base=Z[:, 1 : 1 + p], design=Z[:, 1 + p :])
+                replace(run, begin_s=begin, target=Z[:, 0], base=Z[:, 1 : 1 + p], design=Z[:, 1 + p :].astype(np.float32))
             )
     return result

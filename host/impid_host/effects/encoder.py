@@ -187,8 +187,8 @@ def _drift(setting: Setting) -> Iterator[Term]:
                 "angle": np.stack([-view.omega * e for e in late], axis=2),
                 "torque": np.stack([-slope * e for e in late], axis=2),
             }
-            if view.load is not None and view.force is not None and view.respond is not None:
-                pull = rate_of(view.respond(view)["force"], view.dt)
+            if view.load is not None and view.force is not None and view.response is not None:
+                pull = rate_of(view.response["force"], view.dt)
                 result["force"] = np.stack([-pull * e for e in late], axis=2)
             return result
 

@@ -21,9 +21,9 @@ _MAX_DELAY_S = 0.1
 
 def _felt(view: View) -> Floats | None:
     """Minus the load's force as the present model predicts it, (N, 2); None where no sensor felt it."""
-    if view.load is None or view.force is None or view.respond is None:
+    if view.load is None or view.force is None or view.response is None:
         return None
-    return view.respond(view)["force"]
+    return view.response["force"]
 
 
 def _reading(view: View, make: Callable[[Floats], list[Floats]]) -> Columns:
@@ -117,12 +117,12 @@ def _bias(setting: Setting) -> Iterator[Term]:
 
         def columns(view: View, _shape: float, axes: tuple[int, ...] = axes) -> Columns:
             one = -np.ones_like(view.t)
-            return _reading(view, lambda _felt: [along(one, axis) for axis in axes])
+            return _constant(view, [along(one, axis) for axis in axes])
 
         def drifting(view: View, _shape: float, axes: tuple[int, ...] = axes) -> Columns:
             slope = -(view.t - 0.5 * view.t[-1])
             own = columns(view, _shape, axes)
-            more = _reading(view, lambda _felt: [along(slope, axis) for axis in axes])
+            more = _constant(view, [along(slope, axis) for axis in axes])
             return {family: np.concatenate([own[family], more[family]], axis=2) for family in own}
 
         steady = Term(
@@ -134,6 +134,11 @@ def _bias(setting: Setting) -> Iterator[Term]:
         yield drifts
         if len(setting.loaded) > 1:
             yield each_trial(drifts, setting, loaded=True)
+
+
+def _constant(view: View, columns: list[Floats]) -> Columns:
+    """Columns that follow no force; nothing where no sensor felt any."""
+    return {} if view.load is None or view.force is None else {"force": np.stack(columns, axis=2)}
 
 
 def _read_drift(beta: Floats, _shape: float) -> dict[str, Value]:

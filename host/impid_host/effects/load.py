@@ -24,7 +24,7 @@ from impid_host.signals.arrays import Floats
 
 _PLACE = ("load",)
 Course = Callable[[View, float], Floats]
-_SWITCHES = tuple(float(part) for part in np.linspace(0.1, 0.9, 9))  # of the trial
+_SWITCHES = tuple(float(part) for part in np.linspace(0.15, 0.55, 6))  # of the trial; its end may be sealed
 _SWITCH = 0.05
 
 

@@ -16,7 +16,7 @@ def sensitivity(view: View, step: float, *moved: View) -> Columns:
     """
     if view.respond is None:
         return {}
-    base = view.respond(view)
+    base = view.respond(view) if view.response is None else view.response
     answers = [view.respond(other) for other in moved]
     return {
         family: np.stack([(answer[family] - base[family]) / step for answer in answers], axis=2)

@@ -44,7 +44,7 @@ class View:
             meeting_hz: rate of the slower log.
         zero_rad: declared angle at count 0, (n,), of the module's encoders.
         model: the robot's kinematics; respond: what the present model predicts of every family,
-            (N, channels), were the motion that of the given view.
+            (N, channels), were the motion that of the given view; response: of this one.
     """
 
     name: str
@@ -74,6 +74,7 @@ class View:
     model: RobotModel
     zero_rad: Floats
     respond: "Callable[[View], Columns] | None" = None
+    response: Columns | None = None
     alpha: Floats | None = None
     cutoff_hz: float = 11.0
     meeting_hz: float = 250.0
@@ -136,6 +137,7 @@ def with_motion(
         turn=turn,
         turn_rate=turn_rate,
         model=model,
+        response=None,
     )
 
 
