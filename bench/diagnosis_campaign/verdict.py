@@ -71,6 +71,8 @@ def _word(hidden: set[str], named: set[str], ties: Sequence[set[str]], *, struct
         return "false alarm" if named else "false structure" if structure else "right"
     if any(name.startswith("outside.") for name in hidden):
         return "pinned" if named else "described" if structure else "unseen"
+    if not named and any(hidden <= tie for tie in ties):
+        return "tie"
     if not named:
         return "unattributed" if structure else "missed"
     if named == hidden:

@@ -51,7 +51,7 @@ def chosen(case: Case, progress: Progress = silent) -> Choice:
     """The explanation that the fit part supports."""
     table = tabulated(case, progress=progress)
     progress("searching", 0.7)
-    found = search(table)
+    found = search(table, sometimes=case.setting.both)
     pushed = events(
         found.table.runs, residuals(found.table, found.table.columns(found.best.slots)), case.views
     )
@@ -61,7 +61,7 @@ def chosen(case: Case, progress: Progress = silent) -> Choice:
         holdout = replace(case.holdout, left_out=out)
         case = replace(case, holdout=holdout)
         case = replace(case, views=tuple(informed(case.views, case.base, holdout)))
-        found = search(tabulated(case))
+        found = search(tabulated(case), sometimes=case.setting.both)
     found = _sharpened(case, found)
     return _adequate(case, found, tuple(pushed))
 
@@ -90,7 +90,7 @@ def _sharpened(case: Case, found: Found) -> Found:
             # What is left to the effect once it is taken out is a small correction, of either sign.
             table = table.with_shapes(_ungated(part.term), [part.shape])
             given.append(len(table.slots) - 1)
-        again = search(table, given)
+        again = search(table, given, sometimes=case.setting.both)
         slots = [*fit.chosen, *chosen_slots(again.table, again.best)]
         merged = _in_table(found, slots)
         if _names(found.walk, merged.best) == _names(found.walk, found.best):

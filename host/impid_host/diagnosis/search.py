@@ -14,7 +14,7 @@ import numpy as np
 from impid_host.diagnosis.rows import Key
 from impid_host.diagnosis.score import Explanation, difference, explanation
 from impid_host.diagnosis.table import Table, drop, projected, residuals
-from impid_host.effects.bounds import negligible, possible
+from impid_host.effects.bounds import negligible, of_machine, possible
 from impid_host.effects.effect import Term
 from impid_host.signals.arrays import Floats
 
@@ -76,9 +76,15 @@ class Found:
         return tuple(self.walk.visited.values())
 
 
-def search(table: Table, given: Sequence[int] = (), rules: Rules = RULES) -> Found:
-    """Search from the base model with the `given` slots, which stay in whatever happens."""
-    walk = Walk(table, tuple(given), rules)
+def search(
+    table: Table, given: Sequence[int] = (), rules: Rules = RULES, *, sometimes: bool = False
+) -> Found:
+    """Search from the base model with the `given` slots, which stay in whatever happens.
+
+    Args:
+        sometimes: there are free and loaded trials, so that an effect of the machine may be in some of them only.
+    """
+    walk = Walk(table, tuple(given), rules, sometimes=sometimes)
     beam = [walk.score(())]
     for _ in range(rules.most):
         grown = [walk.simplified(new) for old in beam for new in walk.grown(old)]
@@ -109,6 +115,7 @@ class Walk:
     table: Table
     given: tuple[int, ...]
     rules: Rules
+    sometimes: bool = False
 
     def __post_init__(self) -> None:
         self.visited: dict[tuple[int, ...], Explanation] = {}
@@ -156,12 +163,22 @@ class Walk:
         """Each term replaced by another, given the others, while that predicts clearly better."""
         for place in range(len(best.slots)):
             rest = [o for k, o in enumerate(best.slots) if k != place]
-            for s in self.contenders(self.score(rest)):
+            for s in [*self._partial(best.slots[place]), *self.contenders(self.score(rest))]:
                 new = self.score(self.refined((*rest, s)))
                 if self.is_possible(new) and new.total > best.total + self.rules.close_nats:
                     best = new
                     break
         return self.simplified(best)
+
+    def _partial(self, s: int) -> list[int]:
+        """The same effect of the machine in free trials only, and under load only."""
+        slot = self.table.slots[s]
+        if not (self.sometimes and slot.term.when == "all" and of_machine(slot.term)):
+            return []
+        first = len(self.table.slots)
+        for when in ("free", "load"):
+            self.table = self.table.with_shapes(replace(slot.term, when=when), [slot.shape])
+        return list(range(first, first + 2))
 
     def simplest(self, best: Explanation) -> Explanation:
         """Of all that is not clearly worse than the best, the simplest; names before unnamed structures."""

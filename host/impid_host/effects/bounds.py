@@ -36,6 +36,11 @@ def negligible(term: Term, beta: Floats, shape: float) -> bool:
     return bool(sized) and all(abs(v - row.none) < row.least for row, value in sized for v in numbers(value))
 
 
+def of_machine(term: Term) -> bool:
+    """A named effect of the robot or its drives, which may be there in some trials only."""
+    return term.named and CATALOGUE[term.effect].acts_on in ("robot", "actuator") and not term.own
+
+
 def numbers(value: Value) -> Iterator[float]:
     """Every number of a reported value."""
     for own in value.values() if isinstance(value, dict) else [value]:

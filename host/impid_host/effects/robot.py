@@ -195,8 +195,8 @@ def _felt_tilt(view: View, width: int) -> Columns:
 
 
 def _link_weight(setting: Setting) -> Iterator[Term]:
-    """The weight of a link in a vertical plane, of a model that has no gravity."""
-    if setting.gravity or setting.planar:
+    """The weight of a link in a plane that is not level, of a model that has no gravity."""
+    if setting.gravity:
         return
     for joint in range(setting.joints):
         if setting.slides[joint]:
@@ -205,12 +205,15 @@ def _link_weight(setting: Setting) -> Iterator[Term]:
         def columns(view: View, _shape: float, joint: int = joint) -> Columns:
             return on_joint(view, joint, np.sin(view.theta[:, joint]), np.cos(view.theta[:, joint]))
 
+        place = joint_name(joint)
         yield Term(
             "gravity.link",
-            (joint_name(joint),),
+            (place,),
             columns,
             lambda beta, _shape: {"torque_sin": float(beta[0]), "torque_cos": float(beta[1])},
             size=2,
+            # Over a small range a sine and a cosine are a spring and a constant torque.
+            holds=(f"actuator.offset@{place}",),
         )
 
 
