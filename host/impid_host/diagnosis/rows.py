@@ -94,11 +94,15 @@ class Decimator:
         """(N, ...) -> (ceil(N / step), ...)."""
         if self.step == 1:
             return values
-        plain = np.ascontiguousarray(values.reshape(len(values), -1))
+        plain = values.reshape(len(values), -1)
         count = -(-len(values) // self.step)
         late = len(self.taps) // 2 // self.step
-        low = signal.upfirdn(self.taps, plain, 1, self.step, axis=0)[late : late + count]
-        return np.asarray(low.reshape(-1, *values.shape[1:]), dtype=np.float64)
+        used = np.flatnonzero(plain.any(axis=0))  # most columns act in one channel of several
+        low = np.zeros((count, plain.shape[1]))
+        if len(used):
+            columns = np.ascontiguousarray(plain[:, used].T)
+            low[:, used] = signal.upfirdn(self.taps, columns, 1, self.step, axis=1)[:, late : late + count].T
+        return low.reshape(-1, *values.shape[1:])
 
 
 def decimator(view: View) -> Decimator:

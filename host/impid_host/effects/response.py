@@ -28,17 +28,14 @@ def response_terms(setting: Setting) -> Iterator[Term]:
         yield _term(f"tau{joint + 1}", own, f"theta{joint + 1}")
     if not setting.planar:
         return
-    for axes in ((0,), (1,), (0, 1)) if setting.loads else ():
+    for axis in (0, 1) if setting.loads else ():
 
-        def pulled(view: View, _shape: float, axes: tuple[int, ...] = axes) -> Columns:
+        def pulled(view: View, _shape: float, axis: int = axis) -> Columns:
             if view.load is None:
                 return {}
-            return at_tip(
-                view, *(along(c, axis) for axis in axes for c in filtered(view.a[:, axis], view.dt))
-            )
+            return at_tip(view, *(along(c, axis) for c in filtered(view.a[:, axis], view.dt)))
 
-        letters = ["xy"[axis] for axis in axes]
-        yield _term(f"f{letters[0]}", pulled, " and ".join(letters), len(axes))
+        yield _term(f"f{'xy'[axis]}", pulled, "xy"[axis])
     for axis in (0, 1) if setting.accelerometer else ():
 
         def felt(view: View, _shape: float, axis: int = axis) -> Columns:
@@ -72,12 +69,12 @@ def filtered(values: Floats, dt: float) -> list[Floats]:
     return result
 
 
-def _term(on: str, columns: object, of: str, signals: int = 1) -> Term:
+def _term(on: str, columns: object, of: str) -> Term:
     return Term(
         UNATTRIBUTED,
         (on, "frequency"),
         columns,  # type: ignore[arg-type]
         lambda _beta, _shape: {},
-        size=2 * len(NODES_HZ) * signals,
+        size=2 * len(NODES_HZ),
         variant=f"{RESPONSE} to {of}",
     )
