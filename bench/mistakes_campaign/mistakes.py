@@ -47,7 +47,9 @@ def has_two_loads(study: Study) -> bool:
 # How channels are changed.
 
 
-def robot(change: Callable[[RobotLog], RobotLog], only: Callable[[Trial, Study], bool] | None = None) -> Change:
+def robot(
+    change: Callable[[RobotLog], RobotLog], only: Callable[[Trial, Study], bool] | None = None
+) -> Change:
     """The robot's log of every trial, or of some."""
 
     def apply(study: Study) -> Study:
@@ -162,7 +164,9 @@ def clipped_torque(share: float) -> Change:
 
     def apply(study: Study) -> Study:
         limit = share * max(float(np.abs(trial.robot.tau[:, 0]).max()) for trial in study.trials)
-        return robot(lambda log: replace(log, tau=column(0, lambda t: np.clip(t, -limit, limit))(log.tau)))(study)
+        return robot(lambda log: replace(log, tau=column(0, lambda t: np.clip(t, -limit, limit))(log.tau)))(
+            study
+        )
 
     return apply
 
@@ -202,9 +206,7 @@ def constant(*names: str) -> Callable[[Any, Study], Any]:
 
     def change(samples: Any, _study: Study) -> Any:
         rng = np.random.default_rng(1)
-        flat = {
-            name: (32000 + rng.integers(-1, 2, len(samples))).astype(np.uint16) for name in names
-        }
+        flat = {name: (32000 + rng.integers(-1, 2, len(samples))).astype(np.uint16) for name in names}
         return replace(samples, **flat)
 
     return change
@@ -322,8 +324,16 @@ MISTAKES: tuple[Mistake, ...] = (
     Mistake("torques swapped in one trial", torque(_SWAP, _LAST_LOAD), ("torque.swapped",)),
     Mistake("torques in mN m in one trial", torque(1000 * _I, _LAST_LOAD), ("torque.unit",)),
     Mistake("counts without x4", encoder(counts_per_rev=lambda c: tuple(x / 4 for x in c)), ("angle.scale",)),
-    Mistake("counts of joint 2 doubled", encoder(counts_per_rev=lambda c: at(c, 1, lambda x: 2 * x)), ("angle.scale",)),
-    Mistake("counts of joint 1 10 % off", encoder(counts_per_rev=lambda c: at(c, 0, lambda x: 1.1 * x)), ("angle.scale",)),
+    Mistake(
+        "counts of joint 2 doubled",
+        encoder(counts_per_rev=lambda c: at(c, 1, lambda x: 2 * x)),
+        ("angle.scale",),
+    ),
+    Mistake(
+        "counts of joint 1 10 % off",
+        encoder(counts_per_rev=lambda c: at(c, 0, lambda x: 1.1 * x)),
+        ("angle.scale",),
+    ),
     Mistake("encoder 1 backwards", encoder(direction=lambda d: at(d, 0, lambda x: -x)), ("angle.sign",)),
     Mistake("encoder 2 backwards", encoder(direction=lambda d: at(d, 1, lambda x: -x)), ("angle.sign",)),
     Mistake("both encoders backwards", encoder(direction=lambda d: tuple(-x for x in d)), ("angle.sign",)),
@@ -332,8 +342,12 @@ MISTAKES: tuple[Mistake, ...] = (
         device(lambda s, _study: replace(s, enc1=s.enc2, enc2=s.enc1)),
         ("angle.swapped",),
     ),
-    Mistake("zero of joint 1 off by 0.2", encoder(zero_rad=lambda z: at(z, 0, lambda x: x + 0.2)), ("angle.zero",)),
-    Mistake("zero of joint 2 off by 0.3", encoder(zero_rad=lambda z: at(z, 1, lambda x: x - 0.3)), ("angle.zero",)),
+    Mistake(
+        "zero of joint 1 off by 0.2", encoder(zero_rad=lambda z: at(z, 0, lambda x: x + 0.2)), ("angle.zero",)
+    ),
+    Mistake(
+        "zero of joint 2 off by 0.3", encoder(zero_rad=lambda z: at(z, 1, lambda x: x - 0.3)), ("angle.zero",)
+    ),
     Mistake("both zeros off", encoder(zero_rad=lambda z: (z[0] + 0.15, z[1] + 0.25)), ("angle.zero",)),
     Mistake("controller in degrees", angles(lambda a: a * _DEG), ("angle.unit",)),
     Mistake("controller's theta1 in degrees", angles(column(0, lambda a: a * _DEG)), ("angle.unit",)),
@@ -350,7 +364,9 @@ MISTAKES: tuple[Mistake, ...] = (
         both(device(relative_counts), angles(lambda a: np.stack([a[:, 0], a[:, 1] - a[:, 0]], axis=1))),
         ("angle.frame",),
     ),
-    Mistake("degrees, no module", both(without_module, angles(lambda a: a * _DEG)), ("angle.unit", "torque.unit")),
+    Mistake(
+        "degrees, no module", both(without_module, angles(lambda a: a * _DEG)), ("angle.unit", "torque.unit")
+    ),
     Mistake("encoder 1 wraps at 16 bits", device(wraps16), ("angle.wrap",)),
     Mistake("encoder 2 came off", device(stuck_encoder, _LAST_LOAD), ("angle.resting",)),
     Mistake(
@@ -369,21 +385,33 @@ MISTAKES: tuple[Mistake, ...] = (
     Mistake("vref 5 for 3.3", sensor(vref_V=lambda _v: 5.0), ("accel.unit",)),
     Mistake("vref in mV", sensor(vref_V=lambda v: 1000 * v), ("accel.unit",)),
     Mistake("sensitivity 1000 for 620", sensor(sensitivity_V_per_g=lambda _s: (1.0, 1.0)), ("accel.unit",)),
-    Mistake("sensitivity in mV", sensor(sensitivity_V_per_g=lambda s: tuple(1000 * x for x in s)), ("accel.unit",)),
+    Mistake(
+        "sensitivity in mV", sensor(sensitivity_V_per_g=lambda s: tuple(1000 * x for x in s)), ("accel.unit",)
+    ),
     Mistake("12 bits for 16", sensor(full_scale_code=lambda _c: 4096), ("accel.unit",)),
-    Mistake("zero_g of another supply", sensor(zero_g_V=lambda z: tuple(x - 0.4 for x in z)), ("accel.unit",)),
-    Mistake("sensitivity per m/s^2", sensor(sensitivity_V_per_g=lambda s: tuple(x / 9.80665 for x in s)), ("accel.unit",)),
+    Mistake(
+        "zero_g of another supply", sensor(zero_g_V=lambda z: tuple(x - 0.4 for x in z)), ("accel.unit",)
+    ),
+    Mistake(
+        "sensitivity per m/s^2",
+        sensor(sensitivity_V_per_g=lambda s: tuple(x / 9.80665 for x in s)),
+        ("accel.unit",),
+    ),
     Mistake("accelerometer clipped", clipped_accelerometer(0.1, ("ax", "ay")), ("accel.clipped",)),
     Mistake("first axis clipped on one side", clipped_accelerometer(0.08, ("ax",), True), ("accel.clipped",)),
     Mistake("first axis dead", device(constant("ax")), ("accel.dead",)),
     Mistake("accelerometer dead", device(constant("ax", "ay")), ("accel.dead",)),
-    Mistake("links swapped", links(lambda l: l[::-1]), ("links.swapped",)),
-    Mistake("links 10 % long", links(lambda l: tuple(1.1 * x for x in l)), ("links.length", "accel.unit")),
-    Mistake("links in mm", links(lambda l: tuple(1000 * x for x in l)), ("links.unit",)),
-    Mistake("links in cm", links(lambda l: tuple(100 * x for x in l)), ("links.unit", "accel.unit")),
-    Mistake("links in inches", links(lambda l: tuple(x / 0.0254 for x in l)), ("links.unit", "accel.unit")),
-    Mistake("link 1 20 % long", links(lambda l: (1.2 * l[0], l[1])), ("links.length",)),
-    Mistake("link 2 12 % short", links(lambda l: (l[0], 0.88 * l[1])), ("links.length",)),
+    Mistake("links swapped", links(lambda own: own[::-1]), ("links.swapped",)),
+    Mistake(
+        "links 10 % long", links(lambda own: tuple(1.1 * x for x in own)), ("links.length", "accel.unit")
+    ),
+    Mistake("links in mm", links(lambda own: tuple(1000 * x for x in own)), ("links.unit",)),
+    Mistake("links in cm", links(lambda own: tuple(100 * x for x in own)), ("links.unit", "accel.unit")),
+    Mistake(
+        "links in inches", links(lambda own: tuple(x / 0.0254 for x in own)), ("links.unit", "accel.unit")
+    ),
+    Mistake("link 1 20 % long", links(lambda own: (1.2 * own[0], own[1])), ("links.length",)),
+    Mistake("link 2 12 % short", links(lambda own: (own[0], 0.88 * own[1])), ("links.length",)),
     Mistake("force of the robot on the load", force(-_I), ("force.sign",), has_force),
     Mistake("fx's sign", force(_SIGN1), ("force.sign",), has_force),
     Mistake("fy's sign", force(_SIGN2), ("force.sign",), has_force),

@@ -119,7 +119,9 @@ def _matrices(
     name = f"{letter}{axes[i]}{axes[j]}" if len(axes) > 1 else letter
     apart = float(z[i, j])
     check = "" if small else "methods.disagree"
-    return Pair(what, where, name, float(first.value[i, j]), float(second.value[i, j]), first.unit, apart, check)
+    return Pair(
+        what, where, name, float(first.value[i, j]), float(second.value[i, j]), first.unit, apart, check
+    )
 
 
 def _trials(signals: Signals, motions: Motions) -> Iterator[Pair]:
@@ -239,8 +241,11 @@ def _said(pair: Pair) -> Check:
         pair.name,
         pair.where,
         "contradiction",
-        f"{pair.what}, {pair.where}: {pair.quantity} is {pair.first:.5g} by the one and {pair.second:.5g} {pair.unit} "
+        f"{pair.what}, {pair.where}: {pair.quantity} is {pair.first:.5g} by the one and {pair.second:.5g} "
+        f"{pair.unit} "
         f"by the other, {pair.apart:.0f} standard errors apart",
         {"first": pair.first, "second": pair.second, "standard_errors_apart": pair.apart},
-        _DIAGNOSE if pair.name != "trial.load" else "weigh the payload again, and look at payload_kg in trial.toml",
+        _DIAGNOSE
+        if pair.name != "trial.load"
+        else "weigh the payload again, and look at payload_kg in trial.toml",
     )

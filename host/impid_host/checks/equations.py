@@ -90,9 +90,7 @@ def motion_of(theta: Floats, model: RobotModel, kinds: frozenset[str]) -> Motion
         base = a - np.array(model.plane_gravity_m_s2)
         felt = {"fixed": low(base), "link2": low(turned(base, -tip))}
     some = slice(None, None, max(1, len(theta) // 40))
-    return Motion(
-        low(Y), load, task, felt, tip, theta[some], J[some], len(low(np.zeros((len(theta), 1))))
-    )
+    return Motion(low(Y), load, task, felt, tip, theta[some], J[some], len(low(np.zeros((len(theta), 1)))))
 
 
 class Motions:
@@ -103,7 +101,7 @@ class Motions:
         self._known: dict[tuple[int, object], tuple[Floats, Motion]] = {}
 
     def child(self) -> "Motions":
-        """Motions of a mended study: what it shares with this one is not computed again, the rest not kept."""
+        """Motions of a mended study: what it shares is not computed again, and the rest is not kept."""
         return Motions(self)
 
     def of(self, trial: TrialSignals, study: Signals) -> Motion:

@@ -312,7 +312,7 @@ def _robot_violations(study: Signals, motions: Motions, value: Floats) -> Iterat
     for k, unit in enumerate(model.parameter_units):
         if "s/rad" not in unit and unit != "N*s/m":
             continue
-        joint = int(np.argmax([np.abs(m.robot[:, :, k]).sum(axis=0) for m in all_motions][0]))
+        joint = int(np.argmax(np.abs(all_motions[0].robot[:, :, k]).sum(axis=0)))
         torque = np.concatenate([low(trial.torque)[:, joint] for trial in free])
         part = np.concatenate([m.robot[:, joint, k] for m in all_motions]) * alpha[k]
         if alpha[k] < 0 and np.std(part) > 0.15 * np.std(torque):
@@ -358,6 +358,8 @@ def _load_violations(study: Signals, name: str, kind: str, q: Floats) -> Iterato
     if kind == "mass-spring" and float(stiff[0]) < -0.05 * largest:
         yield Violation("spring", name, float(stiff[0]), f"the springs of {name} push ({stiff[0]:.3g})")
     if kind == "arm" and float(np.trace(K)) < -0.2 * largest:
-        yield Violation("spring", name, float(stiff[0]), f"the stiffness of {name} is negative ({stiff[0]:.3g})")
+        yield Violation(
+            "spring", name, float(stiff[0]), f"the stiffness of {name} is negative ({stiff[0]:.3g})"
+        )
     if not load.rotary and float(np.trace(M)) / d > HEAVIEST_KG:
         yield Violation("size", name, mass, f"{name} weighs {np.trace(M) / d:.3g} kg", odd_size=True)

@@ -17,13 +17,16 @@ from impid_host.report.check_tables import agreement_table, print_above, print_b
 from impid_host.report.wide_console import table_console
 from impid_host.study.toml_file import load_toml
 
+
 @click.command()
 @click.argument("study", type=click.Path(path_type=Path))
 @click.option(
     "--json", "json_to", metavar="FILE|-", help="Also write the answer as JSON (- for standard output)."
 )
 @click.option(
-    "--fix", is_flag=True, help="Show what would change in setup.toml, and write it to setup.fixed.toml beside it."
+    "--fix",
+    is_flag=True,
+    help="Show what would change in setup.toml, and write it to setup.fixed.toml beside it.",
 )
 def command(study: Path, json_to: str | None, fix: bool) -> None:
     """Look for mistakes in a study: signs, units, swapped channels, turned sensors, wrong labels.
@@ -88,7 +91,10 @@ def write_fixed(study: Path, checks: Checks, *, err: bool = False) -> None:
     click.echo(
         "".join(
             difflib.unified_diff(
-                before.splitlines(keepends=True), after.splitlines(keepends=True), str(path), "setup.fixed.toml"
+                before.splitlines(keepends=True),
+                after.splitlines(keepends=True),
+                str(path),
+                "setup.fixed.toml",
             )
         ),
         err=err,
@@ -97,7 +103,9 @@ def write_fixed(study: Path, checks: Checks, *, err: bool = False) -> None:
     try:
         fixed.write_text(after, encoding="utf-8")
     except OSError as error:
-        raise InputError(fixed, f"cannot be written ({error.strerror})", "check permissions and space") from None
+        raise InputError(
+            fixed, f"cannot be written ({error.strerror})", "check permissions and space"
+        ) from None
     click.echo(f"{fixed} written; look at it, then: mv {fixed} {path}", err=err)
 
 

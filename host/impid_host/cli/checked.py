@@ -13,7 +13,9 @@ from impid_host.report.wide_console import table_console
 from impid_host.study.model import Study
 
 IMPOSSIBLE = 3
-OFFER = "next: impid-host check {study}   (looks for swapped signs, units and labels before anything is fitted)"
+OFFER = (
+    "next: impid-host check {study}   (looks for swapped signs, units and labels before anything is fitted)"
+)
 
 
 def offer_check(study: Path) -> None:
@@ -28,8 +30,8 @@ def unconfirmed(study: Study) -> str:
     if weighed or measured or all(trial.kind == "free" for trial in study.trials):
         return ""
     return (
-        "Assumed: M, B and K scale with the torque constants; no weighed payload and no force sensor confirms "
-        "them."
+        "Assumed: M, B and K scale with the torque constants; no weighed payload and no force sensor "
+        "confirms them."
     )
 
 

@@ -51,7 +51,9 @@ def fit_json(
         "format": "impid-fit/1",
         "study": study,
         **({} if checks is None else checks.to_dict()),
-        **({} if measured_twice is None else {"agreement": [pair.to_dict() for pair in measured_twice.pairs]}),
+        **(
+            {} if measured_twice is None else {"agreement": [pair.to_dict() for pair in measured_twice.pairs]}
+        ),
         "chain": chain,
         "trials": [
             {

@@ -30,9 +30,7 @@ def acceleration_map(study: Signals, motions: Motions, mount: Mount) -> AxisMap 
     return axis_map(np.concatenate(reading), np.concatenate(expected)) if reading else None
 
 
-def hypotheses(
-    study: Signals, motions: Motions, sensor: AccelerometerSetup | None
-) -> Iterator[Hypothesis]:
+def hypotheses(study: Signals, motions: Motions, sensor: AccelerometerSetup | None) -> Iterator[Hypothesis]:
     """Another place, another unit, another frame of the sensor."""
     if sensor is None:
         return
@@ -74,17 +72,19 @@ def _mistake(case: _Case) -> Hypothesis:
 
     def mend(signals: Signals) -> Signals:
         mended = signals.mapped(
-            acceleration=lambda values: corrected(_other_axis(values, case.sensor) if swapped else values, found)
+            acceleration=lambda values: corrected(
+                _other_axis(values, case.sensor) if swapped else values, found
+            )
         )
-        return replace(mended, mount=case.mount, mount_angle=angle)
+        return replace(mended, mount=case.mount)
 
-    keys = ", ".join(f"{change.key} = {_toml(change.value)}" for change in changes)
+    listed = ", ".join(f"{change.key} = {_toml(change.value)}" for change in changes)
     return Hypothesis(
         what,
         _where(found) if what == "accel.unit" else "sensor",
         "the accelerometer is not as declared: " + "; ".join(words),
         mend,
-        f"setup.toml: [accelerometer] {keys}",
+        f"setup.toml: [accelerometer] {listed}",
         tuple(changes),
         odds=0.0 if case.mount == study.mount else 0.5,
     )
@@ -136,7 +136,7 @@ def _unit(case: _Case) -> tuple[str, list[Change]]:
     said = f"it reads {first.words} times too much"
     by_reference, by_sensitivity = _biases(case, k)
     if by_reference < by_sensitivity:
-        if 2**round(np.log2(k)) / k > 0.96 and abs(np.log2(k) - round(np.log2(k))) < 0.05 and abs(k) > 3.5:
+        if 2 ** round(np.log2(k)) / k > 0.96 and abs(np.log2(k) - round(np.log2(k))) < 0.05 and abs(k) > 3.5:
             return said, [Change("accelerometer", "full_scale_code", round(sensor.full_scale_code * k))]
         return said, [Change("accelerometer", "vref_V", float(f"{sensor.vref_V / k:.4g}"))]
     new = [float(f"{s * k:.6g}") for s in sensor.sensitivity_V_per_g]
