@@ -110,9 +110,8 @@ def _said(found: Found) -> Iterator[Check]:
 def _words(one: Hypothesis, before: JointFit, after: JointFit, others: list[Hypothesis]) -> str:
     gone = [violation for violation in before.violations if violation not in after.violations]
     why = f"{gone[0].words}; if " if gone else ""
-    worst = max(
-        before.left, key=lambda channel: before.left[channel] / max(after.left.get(channel, 9.0), 1e-4)
-    )
+    mended = [c for c, r in before.left.items() if after.left.get(c, r) < 0.7 * r]
+    worst = max(mended or before.left, key=lambda channel: before.left[channel])
     share = f"{100 * before.left[worst]:.3g} % of {_channel(worst)} contradicts the rest"
     if not gone:
         why = f"{share}; if "
