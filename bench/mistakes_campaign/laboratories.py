@@ -110,3 +110,66 @@ def _arms(content: dict[str, Any], rng: np.random.Generator) -> None:
         if trial["kind"] == "mass-spring":
             trial["kind"] = "arm"
     content["setup"]["handle"] = {"mass_kg": 0.135}
+
+
+EFFECTS = (
+    "",
+    "friction.coulomb@joint1+joint2",
+    "elastic.cartesian@tip",
+    "actuator.gain@joint1",
+    "",
+    "accel.scale@x",
+    "actuator.delay@joint1+joint2",
+    "gravity.tilt",
+    "load.damping",
+    "",
+    "elastic.transmission@joint1",
+    "encoder.eccentricity@joint2",
+    "load.coupling",
+    "accel.misalignment",
+    "",
+    "friction.position@joint2",
+    "load.hysteresis",
+    "encoder.zero@joint1",
+    "clock.drift",
+    "",
+    "actuator.cogging@joint1",
+    "accel.lever_arm",
+    "load.stiffness_cubic",
+    "inertia.extra@tip",
+    "",
+    "damping.cartesian@tip",
+    "load.drift",
+    "elastic.joint@joint2",
+    "friction.asymmetric@joint1",
+    "",
+    "actuator.offset@joint1+joint2",
+    "load.delay",
+    "outside.one_trial",
+    "accel.bias@y",
+    "outside.push",
+)
+STRENGTHS = (2.0, 4.0, 8.0)
+DURATIONS_S = (20.0, 30.0, 8.0, 12.0)
+LOG_STEPS = (1, 1, 2, 10, 50)
+
+
+def in_order(seed: int) -> tuple[Study, str]:
+    """A study without a mistake: any kind, short or long, any log rate, often with an effect hidden."""
+    kind = KINDS[seed % len(KINDS)]
+    kind = replace(
+        kind,
+        duration_s=DURATIONS_S[(seed // 5) % len(DURATIONS_S)],
+        step=LOG_STEPS[(seed // 3) % len(LOG_STEPS)],
+    )
+    effect = EFFECTS[seed % len(EFFECTS)]
+    if effect == "inertia.extra@tip" and kind.payload:
+        effect = ""  # a mass that the scales did not weigh is a mistake
+    if kind.arm and effect.startswith("load."):
+        effect = ""
+    strength = STRENGTHS[(seed // 7) % len(STRENGTHS)]
+    study, _ = laboratory(seed, kind, (effect,) if effect else (), strength)
+    return (
+        study,
+        f"{kind.name}; {kind.duration_s:g} s, every {kind.step}; {effect or 'nothing hidden'} x {strength:g}",
+    )

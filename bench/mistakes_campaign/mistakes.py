@@ -401,13 +401,17 @@ MISTAKES: tuple[Mistake, ...] = (
     Mistake("first axis clipped on one side", clipped_accelerometer(0.08, ("ax",), True), ("accel.clipped",)),
     Mistake("first axis dead", device(constant("ax")), ("accel.dead",)),
     Mistake("accelerometer dead", device(constant("ax", "ay")), ("accel.dead",)),
-    Mistake("links swapped", links(lambda l: l[::-1]), ("links.swapped",)),
-    Mistake("links 10 % long", links(lambda l: tuple(1.1 * x for x in l)), ("links.length", "accel.unit")),
-    Mistake("links in mm", links(lambda l: tuple(1000 * x for x in l)), ("links.unit",)),
-    Mistake("links in cm", links(lambda l: tuple(100 * x for x in l)), ("links.unit", "accel.unit")),
-    Mistake("links in inches", links(lambda l: tuple(x / 0.0254 for x in l)), ("links.unit", "accel.unit")),
-    Mistake("link 1 20 % long", links(lambda l: (1.2 * l[0], l[1])), ("links.length",)),
-    Mistake("link 2 12 % short", links(lambda l: (l[0], 0.88 * l[1])), ("links.length",)),
+    Mistake("links swapped", links(lambda own: own[::-1]), ("links.swapped",)),
+    Mistake(
+        "links 10 % long", links(lambda own: tuple(1.1 * x for x in own)), ("links.length", "accel.unit")
+    ),
+    Mistake("links in mm", links(lambda own: tuple(1000 * x for x in own)), ("links.unit",)),
+    Mistake("links in cm", links(lambda own: tuple(100 * x for x in own)), ("links.unit", "accel.unit")),
+    Mistake(
+        "links in inches", links(lambda own: tuple(x / 0.0254 for x in own)), ("links.unit", "accel.unit")
+    ),
+    Mistake("link 1 20 % long", links(lambda own: (1.2 * own[0], own[1])), ("links.length",)),
+    Mistake("link 2 12 % short", links(lambda own: (own[0], 0.88 * own[1])), ("links.length",)),
     Mistake("force of the robot on the load", force(-_I), ("force.sign",), has_force),
     Mistake("fx's sign", force(_SIGN1), ("force.sign",), has_force),
     Mistake("fy's sign", force(_SIGN2), ("force.sign",), has_force),

@@ -241,7 +241,8 @@ def _said(pair: Pair) -> Check:
         pair.name,
         pair.where,
         "contradiction",
-        f"{pair.what}, {pair.where}: {pair.quantity} is {pair.first:.5g} by the one and {pair.second:.5g} {pair.unit} "
+        f"{pair.what}, {pair.where}: {pair.quantity} is {pair.first:.5g} by the one and {pair.second:.5g} "
+        f"{pair.unit} "
         f"by the other, {pair.apart:.0f} standard errors apart",
         {"first": pair.first, "second": pair.second, "standard_errors_apart": pair.apart},
         _DIAGNOSE

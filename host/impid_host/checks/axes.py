@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from impid_host.checks.equations import turned
 from impid_host.checks.factors import Factor, nearest
 from impid_host.signals.arrays import Floats
 
@@ -76,10 +77,10 @@ def axis_map(reading: Floats, expected: Floats) -> AxisMap | None:
 
 
 def corrected(values: Floats, found: AxisMap) -> Floats:
-    """A reading (N, 2) as the sensor would give it if it were as declared but for its turn."""
+    """A reading (N, 2) along the axes that were declared."""
     factors = np.array([1.0 if gain is None else gain.value for gain in found.gains])
     signs = np.array([1.0, -1.0 if found.mirrored else 1.0])
-    return values * signs / factors
+    return turned(values * signs / factors, found.turn)
 
 
 def _snapped(turn: float) -> float:

@@ -101,7 +101,7 @@ class Motions:
         self._known: dict[tuple[int, object], tuple[Floats, Motion]] = {}
 
     def child(self) -> "Motions":
-        """Motions of a mended study: what it shares with this one is not computed again, the rest not kept."""
+        """Motions of a mended study: what it shares is not computed again, and the rest is not kept."""
         return Motions(self)
 
     def of(self, trial: TrialSignals, study: Signals) -> Motion:

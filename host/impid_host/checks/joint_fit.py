@@ -312,7 +312,7 @@ def _robot_violations(study: Signals, motions: Motions, value: Floats) -> Iterat
     for k, unit in enumerate(model.parameter_units):
         if "s/rad" not in unit and unit != "N*s/m":
             continue
-        joint = int(np.argmax([np.abs(m.robot[:, :, k]).sum(axis=0) for m in all_motions][0]))
+        joint = int(np.argmax(np.abs(all_motions[0].robot[:, :, k]).sum(axis=0)))
         torque = np.concatenate([low(trial.torque)[:, joint] for trial in free])
         part = np.concatenate([m.robot[:, joint, k] for m in all_motions]) * alpha[k]
         if alpha[k] < 0 and np.std(part) > 0.15 * np.std(torque):

@@ -3,6 +3,8 @@
 from collections.abc import Iterator
 from dataclasses import replace
 
+import numpy as np
+
 from impid_host.checks.check import Check, Checks, Verdict
 from impid_host.checks.disagree import disagreements
 from impid_host.checks.equations import Motions
@@ -11,9 +13,10 @@ from impid_host.checks.looks import looks
 from impid_host.checks.mistakes.hypothesis import Hypothesis
 from impid_host.checks.search import Found, search
 from impid_host.checks.signals import Signals, signals_of
+from impid_host.signals.arrays import Floats
 from impid_host.study.model import Study
 
-_UNLIKE = 0.5
+_ALIKE = 0.8
 _TELL = {
     frozenset({"torque", "force"}): "a trial with a weighed payload (payload_kg in its trial.toml)",
     frozenset({"torque", "links"}): "a tape measure on the links, or a weighed payload",
@@ -42,10 +45,14 @@ def check_study(study: Study) -> Checks:
     signals = _without(signals, seen)
     unlike = list(_unlike(signals))
     if unlike:
-        return Checks.of([*seen, *unlike])
+        strangers = {check.where for check in unlike}
+        signals = signals.with_trials(tuple(t for t in signals.trials if t.name not in strangers))
+        seen += unlike
+        if not signals.trials:
+            return Checks.of(seen)
     outcome = search(signals, study.setup, motions)
     named = [check for found in outcome.found for check in _said(found)]
-    rest = disagreements(outcome.study, outcome.fit, motions)
+    rest = disagreements(outcome.study, outcome.fit, motions, study.setup)
     return Checks.of([*seen, *named, *rest])
 
 
@@ -61,16 +68,27 @@ def _without(signals: Signals, seen: list[Check]) -> Signals:
 
 def _unlike(signals: Signals) -> Iterator[Check]:
     for trial in signals.trials:
-        if trial.likeness < _UNLIKE:
+        if trial.counted is None:
+            continue
+        share = max(_explained(trial.angles, trial.counted))
+        if share < _ALIKE:
             yield Check(
                 "clocks.disagree",
                 trial.name,
                 "contradiction",
-                f"{trial.name}: module and robot log do not show the same motion (correlation "
-                f"{trial.likeness:.2f})",
-                {"correlation": trial.likeness},
-                f"{trial.name}: check that device.csv and robot.csv are of one trial, and the encoders' cables",
+                f"{trial.name}: module and robot log do not show the same motion (of no joint more than "
+                f"{100 * share:.0f} % is alike)",
+                {"share": share},
+                f"{trial.name}: check that device.csv and robot.csv are of one trial, and the plugs",
             )
+
+
+def _explained(angles: Floats, counted: Floats) -> list[float]:
+    """Share of each of the controller's angles that the module's explain together."""
+    design = np.concatenate([counted, np.ones((len(counted), 1))], axis=1)
+    value, *_ = np.linalg.lstsq(design, angles, rcond=None)
+    rest = np.var(angles - design @ value, axis=0)
+    return [float(1 - r / max(v, 1e-12)) for r, v in zip(rest, np.var(angles, axis=0), strict=True)]
 
 
 def _said(found: Found) -> Iterator[Check]:
@@ -92,9 +110,8 @@ def _said(found: Found) -> Iterator[Check]:
 def _words(one: Hypothesis, before: JointFit, after: JointFit, others: list[Hypothesis]) -> str:
     gone = [violation for violation in before.violations if violation not in after.violations]
     why = f"{gone[0].words}; if " if gone else ""
-    worst = max(
-        before.left, key=lambda channel: before.left[channel] / max(after.left.get(channel, 9.0), 1e-4)
-    )
+    mended = [c for c, r in before.left.items() if after.left.get(c, r) < 0.7 * r]
+    worst = max(mended or before.left, key=lambda channel: before.left[channel])
     share = f"{100 * before.left[worst]:.3g} % of {_channel(worst)} contradicts the rest"
     if not gone:
         why = f"{share}; if "

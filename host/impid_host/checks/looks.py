@@ -1,9 +1,10 @@
-"""What a look at one channel shows: flat tops, dead channels, joints that rest, wraps, the same data twice."""
+"""What a look at one channel shows: flat tops, dead channels, joints at rest, wraps, the same data twice."""
 
 from collections.abc import Iterator
 
 import numpy as np
 
+from impid_host.checks.axes import axis_map
 from impid_host.checks.check import Check
 from impid_host.checks.equations import Motions, low, turned
 from impid_host.checks.signals import Signals, jumps
@@ -17,6 +18,7 @@ _CLIPPED_TIMES = 8.0
 _RESTS = 2e-3
 _SILENT = 0.1  # m/s^2: what noise, tilt and warm-up of a sensor at rest stay below
 _ALIKE_SHARE = 0.5
+_ANGLES = "impid-host fit --acceleration angles"
 
 
 def looks(study: Study, signals: Signals, motions: Motions) -> Iterator[Check]:
@@ -70,10 +72,10 @@ def _clipped_accelerometer(study: Study) -> Iterator[Check]:
             "accel.clipped",
             where,
             "contradiction",
-            f"the accelerometer's readings have flat tops: up to {100 * share:.1f} % of a trial's samples lie at "
-            "one end of its range, whatever the motion",
+            f"the accelerometer's readings have flat tops: up to {100 * share:.1f} % of a trial's samples "
+            "lie at one end of its range, whatever the motion",
             {"share": share},
-            "record again with a wider range or a slower motion; until then: impid-host fit --acceleration angles",
+            f"record again with a wider range or a slower motion; until then: {_ANGLES}",
         )
 
 
@@ -89,10 +91,10 @@ def _clipped_torques(study: Study) -> Iterator[Check]:
                 "torque.clipped",
                 f"joint{joint + 1}",
                 "contradiction",
-                f"tau{joint + 1} has flat tops: up to {100 * max(shares):.1f} % of a trial's rows lie at one end of "
-                "its range, so that the drive or the log saturates",
+                f"tau{joint + 1} has flat tops: up to {100 * max(shares):.1f} % of a trial's rows lie at one "
+                "end of its range, so that the drive or the log saturates",
                 {"share": max(shares)},
-                "record again with a slower motion, or raise the limit of the drive (or of the log's converter)",
+                "record again with a slower motion, or raise the limit of the drive (or of the log)",
             )
 
 
@@ -106,18 +108,26 @@ def _dead(signals: Signals, motions: Motions) -> Iterator[Check]:
             expected.append(turned(motion.felt[signals.mount], -signals.mount_angle))
     if not reading:
         return
-    size = np.std(np.concatenate(reading), axis=0)
-    must = np.std(np.concatenate(expected), axis=0)
-    dead = [a for a in range(2) if size[a] < min(0.02 * must.max(), _SILENT) and must.max() > 0.05]
+    read, told = np.concatenate(reading), np.concatenate(expected)
+    size, must = np.std(read, axis=0), np.std(told, axis=0)
+    found = axis_map(read, told)
+    # A reading in another unit is small as well, but follows the motion.
+    dead = [
+        a
+        for a in range(2)
+        if size[a] < min(0.02 * must.max(), _SILENT)
+        and must.max() > 0.05
+        and (found is None or found.left[a] > 0.8)
+    ]
     if (dead and size.max() > 0.1 * must.max()) or len(dead) == 2:
         yield Check(
             "accel.dead",
             "sensor" if len(dead) == 2 else "xy"[dead[0]],
             "contradiction",
-            f"the accelerometer's {' and '.join('xy'[axis] for axis in dead)} axis shows {size[dead[0]]:.2g} m/s^2 "
-            f"where the encoders show {must.max():.2g}",
+            f"the accelerometer's {' and '.join('xy'[axis] for axis in dead)} axis shows {size[dead[0]]:.2g} "
+            f"m/s^2 where the encoders show {must.max():.2g}",
             {"rms_accelerometer": size[dead[0]], "rms_encoders": must.max()},
-            "check the sensor's supply and cable and record again; until then: impid-host fit --acceleration angles",
+            f"check the sensor's supply and cable and record again; until then: {_ANGLES}",
         )
 
 
@@ -194,10 +204,11 @@ def _repeated(study: Study) -> Iterator[Check]:
                     "trial.repeated",
                     f"{other.name}+{first.name}",
                     "contradiction",
-                    f"{first.name} holds the same measured rows as {other.name} ({100 * shared / least:.0f} %)",
+                    f"{first.name} holds the same measured rows as {other.name} ({100 * shared / least:.0f} "
+                    "%)",
                     {"share": shared / least},
-                    f"remove {first.name}, or put its own recording there: the same data twice make intervals "
-                    "too narrow",
+                    f"remove {first.name}, or put its own recording there: the same data twice make "
+                    "intervals too narrow",
                 )
 
 
@@ -213,20 +224,25 @@ def _rows(trial: Trial) -> set[bytes]:
 
 
 def _times(study: Study, signals: Signals) -> Iterator[Check]:
+    jumped: list[tuple[str, int, float, float]] = []
     for trial in study.trials:
         log = robot_rows(trial.robot)
-        rows = jumps(log) if len(log) > 1 else []
-        if len(rows):
-            row = int(rows[0])
-            yield Check(
-                "time.jump",
-                trial.name,
-                "impossible",
-                f"{trial.name}: the robot's clock jumps from {log.t[row - 1]:.6g} to {log.t[row]:.6g} s "
-                f"before row {row + 2} of robot.csv",
-                {"row": row + 2, "seconds": float(log.t[row] - log.t[row - 1])},
-                f"{trial.name}/robot.csv: put what follows row {row + 1} into a trial of its own",
-            )
+        rows = jumps(log).tolist() if len(log) > 1 else []
+        if rows:
+            row = rows[0]
+            jumped.append((trial.name, row + 2, float(log.t[row - 1]), float(log.t[row])))
+    if jumped:
+        said = "; ".join(
+            f"{name}: from {a:.6g} to {b:.6g} s before row {row} of robot.csv" for name, row, a, b in jumped
+        )
+        yield Check(
+            "time.jump",
+            "+".join(name for name, *_ in jumped),
+            "impossible",
+            f"the robot's clock jumps ({said})",
+            {name: {"row": row, "seconds": b - a} for name, row, a, b in jumped},
+            "robot.csv: put what follows the jump into a trial of its own",
+        )
     factors = {trial.time_factor for trial in signals.trials}
     for factor in sorted(factors - {1.0}):
         names = [trial.name for trial in signals.trials if trial.time_factor == factor]

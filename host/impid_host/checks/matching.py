@@ -17,6 +17,7 @@ _DRIFT_LIMIT = 1000e-6
 # A clock in other units, or one that was labelled with another rate.
 TIME_FACTORS = (1e-3, 1e3, 1e-6, 1e6, 0.5, 2.0, 0.1, 10.0, 0.25, 4.0, 0.2, 5.0, 0.8, 1.25, 0.4, 2.5)
 ALIKE = 0.8
+_LONGEST_S = 2000.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,10 +40,12 @@ class Match:
 
 def match(t_device: Floats, theta_device: Floats, t_robot: Floats, theta_robot: Floats) -> Match:
     """Offset, drift and unit of the robot's clock against the module's; times from each log's first row."""
-    best = _matched(t_device, theta_device, t_robot, theta_robot, 1.0)
+    ratio = t_device[-1] / max(t_robot[-1], 1e-9)
+    # A robot's log may well be longer than the module's, but not a day beside seconds.
+    sane = 0.02 < ratio < 50 or t_robot[-1] < _LONGEST_S
+    best = _matched(t_device, theta_device, t_robot, theta_robot, 1.0) if sane else Match(0.0, 0.0, 1.0, 0.0)
     if best.likeness >= ALIKE:
         return best
-    ratio = t_device[-1] / max(t_robot[-1], 1e-9)
     for factor in TIME_FACTORS:
         if 0.3 < ratio / factor < 3.0:
             other = _matched(t_device, theta_device, t_robot * factor, theta_robot, factor)
@@ -96,13 +99,13 @@ def _coarse(fast: Floats, slow: Floats) -> tuple[int, float]:
 
 def _refined(fast: Floats, slow: Floats, offset: float) -> tuple[float, float]:
     """Offset and drift by least squares on the pairs that look alike, scales and zeros free."""
-    t = np.arange(len(slow)) * STEP_S
+    t: Floats = np.arange(len(slow), dtype=np.float64) * STEP_S
     limit = (len(fast) - 1) * STEP_S
-    velocity = np.gradient(fast, STEP_S, axis=0)
-    grid = np.arange(len(fast)) * STEP_S
+    velocity: Floats = np.gradient(fast, STEP_S, axis=0).astype(np.float64)
+    grid: Floats = np.arange(len(fast), dtype=np.float64) * STEP_S
     drift, begin = 0.0, offset
     for _ in range(6):
-        at = offset + (1 + drift) * t
+        at: Floats = offset + (1 + drift) * t
         inside = (at > 0.1) & (at < limit - 0.1)
         if np.count_nonzero(inside) < 100:
             return begin, 0.0
@@ -134,10 +137,11 @@ def _best_pair(
         if np.ptp(a) == 0:
             continue
         value = np.linalg.lstsq(design, column, rcond=None)[0]
-        share = float(np.var(column - design @ value) / max(np.var(column), 1e-300))
+        power = max(float(np.var(column)), 1e-300)
+        share = float(np.var(column - design @ value)) / power
         scale = float(value[0])
         if share < 0.05 and abs(scale) > 1e-12 and (best is None or share < best[0]):
             J = design[:, 2:] * scale
-            normal = J.T @ J / max(np.var(column), 1e-300)
+            normal: Floats = J.T @ J / power
             best = share, (normal @ (value[2:] / scale), normal)
     return None if best is None else best[1]

@@ -1,4 +1,4 @@
-"""A finished fit before the gate: the numbers of `fit`, of a saved model and of spectra, and negative VAFs."""
+"""A finished fit before the gate: numbers of `fit`, of a saved model, of spectra; negative VAFs."""
 
 from collections.abc import Iterator
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from impid_host.checks.equations import Motions
-from impid_host.checks.factors import Factor, nearest
+from impid_host.checks.factors import LIKELY, Factor, nearest
 from impid_host.checks.joint_fit import JointFit, fit_jointly, payloads
 from impid_host.checks.mistakes import accelerometer, angle, force, geometry, torque, trial
 from impid_host.checks.mistakes.hypothesis import Hypothesis, in_one_trial
@@ -144,9 +144,10 @@ def _study_wide(study: Signals, setup: Setup, motions: Motions, before: JointFit
     if off & {"ax", "ay"}:
         yield from accelerometer.hypotheses(study, motions, setup.accelerometer)
     if mechanics:
-        yield from torque.hypotheses(study, torque_factors(study, motions, before))
+        factors = torque_factors(study, motions, before)
+        yield from torque.hypotheses(study, factors)
         yield from force.hypotheses(study, motions)
-        yield from trial.payload(study)
+        yield from trial.payload(study, factors)
     yield from geometry.hypotheses(study, motions, length_factors(study, motions))
 
 
@@ -166,10 +167,14 @@ def _in_one_trial(study: Signals, setup: Setup, motions: Motions, before: JointF
         if before.score - without.score < LEAST_GAIN:
             continue
         alone = study.with_trials((one,))
+        # The robot from the others, the force sensor's map from this one.
+        with_robot = study.with_trials(
+            tuple(other for other in study.trials if other is one or other.kind == "free")
+        )
         whole = [
-            *torque.hypotheses(alone, ()),
+            *torque.hypotheses(alone, LIKELY),
             *angle.hypotheses(alone, setup.encoder, agree=False, grave=False),
-            *force.hypotheses(study, motions),
+            *(force.hypotheses(with_robot, motions.child()) if one.kind != "free" else ()),
         ]
         yield from (in_one_trial(mistake, one.name) for mistake in whole if mistake.one_trial)
 

@@ -112,7 +112,7 @@ def signals_of(study: Study) -> Signals:
     setup = study.setup
     sensor = setup.accelerometer
     force = getattr(setup, "force_sensor", None)
-    trials = tuple(_trials(study))
+    trials = _by_whole_wraps(tuple(_trials(study)), setup)
     return Signals(
         trials=trials,
         # A free trial may turn out to be a load's: both kinds of regressors are at hand.
@@ -196,7 +196,6 @@ def _slow(trial: Trial, setup: Setup) -> TrialSignals | None:
     if both is not None and module is not None:
         at = both.offset_s + (1 + both.drift) * grid
         counted = _onto(module.t, module.counted, at)
-        logged, counted = _by_whole_wraps(logged, counted, wraps, setup)
         if module.acceleration is not None and angles.shape[1] == 2:
             acceleration = _onto(module.t, module.acceleration, at)
     return TrialSignals(
@@ -215,21 +214,26 @@ def _slow(trial: Trial, setup: Setup) -> TrialSignals | None:
     )
 
 
-def _by_whole_wraps(
-    logged: Floats, counted: Floats, wraps: tuple[tuple[str, int, float], ...], setup: Setup
-) -> tuple[Floats, Floats]:
-    """Where a channel wraps, its first value is known but for whole wraps: the other log's angle tells."""
-    for side, joint, size in wraps:
-        if joint >= counted.shape[1] or setup.encoder is None:
+def _by_whole_wraps(trials: tuple[TrialSignals, ...], setup: Setup) -> tuple[TrialSignals, ...]:
+    """Where a channel wraps, a trial's first value is open by whole wraps: the other log tells."""
+    sizes = {(side, joint): size for trial in trials for side, joint, size in trial.wraps}
+    return tuple(_shifted(trial, sizes, setup) for trial in trials) if sizes else trials
+
+
+def _shifted(trial: TrialSignals, sizes: dict[tuple[str, int], float], setup: Setup) -> TrialSignals:
+    if trial.counted is None or setup.encoder is None:
+        return trial
+    angles, counted = trial.angles.copy(), trial.counted.copy()
+    for (side, joint), size in sizes.items():
+        if joint >= counted.shape[1]:
             continue
         turn = size if side == "controller" else size * 2 * np.pi / setup.encoder.counts_per_rev[joint]
-        apart = float(np.mean(logged[:, joint] - counted[:, joint]))
-        whole = turn * np.round(apart / turn)
+        whole = turn * np.round(float(np.mean(angles[:, joint] - counted[:, joint])) / turn)
         if side == "controller":
-            logged[:, joint] -= whole
+            angles[:, joint] -= whole
         else:
             counted[:, joint] += whole
-    return logged, counted
+    return replace(trial, angles=angles, counted=counted)
 
 
 def jumps(log: RobotLog) -> NDArray[np.intp]:

@@ -30,8 +30,8 @@ def unconfirmed(study: Study) -> str:
     if weighed or measured or all(trial.kind == "free" for trial in study.trials):
         return ""
     return (
-        "Assumed: M, B and K scale with the torque constants; no weighed payload and no force sensor confirms "
-        "them."
+        "Assumed: M, B and K scale with the torque constants; no weighed payload and no force sensor "
+        "confirms them."
     )
 
 

@@ -1,33 +1,37 @@
 """`impid-host fit`: the robot, then the load or arm, of a study."""
 
 import json
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import click
 from rich.console import Console
 
-from impid_host.checks import agreement, check_study
+from impid_host.checks import Agreement, Checks, agreement, check_study
 from impid_host.checks.of_fit import gate_fit
 from impid_host.cli.checked import IMPOSSIBLE, refused, unconfirmed
 from impid_host.cli.inputs import load_inputs
 from impid_host.cli.pair import PAIR
 from impid_host.diagnosis.saved import SavedModel, read_model
 from impid_host.errors import UndeterminedError
-from impid_host.impedance.campaign import Options, StudyFit, default_chain, fit_study
+from impid_host.impedance.campaign import Options, Progress, StudyFit, default_chain, fit_study
+from impid_host.impedance.constrained import Constrained
 from impid_host.impedance.constrained import constrain as constrain_matrices
-from impid_host.impedance.joint_space import Limb, joint_impedance
+from impid_host.impedance.joint_space import JointImpedance, Limb, joint_impedance
 from impid_host.impedance.reflex import Band, ReflexFit, fit_trial_reflex
 from impid_host.impedance.rows import Split
 from impid_host.report.check_tables import agreement_table, print_above, print_below
-from impid_host.report.fit_json import fit_json
+from impid_host.report.fit_json import Json, fit_json
 from impid_host.report.fit_page import print_fit
 from impid_host.report.reflex_report import reflex_json, reflex_table
 from impid_host.report.wide_console import table_console
 from impid_host.robot.terms import TERMS
 from impid_host.signals.chain import CHAINS, DEFAULT, Chain
 from impid_host.study.model import Study
+
+if TYPE_CHECKING:
+    from impid_host.diagnosis.reuse import Provenance
 
 REFLEX = "load.delay"
 
@@ -143,74 +147,117 @@ def command(
     own_terms = tuple(term for term in terms if term != REFLEX)
     options = Options(row, acceleration, own_terms, Split(validate), physical)
     errors = Console(stderr=True)
-    provenance = None
     saved = None if model_file is None else _saved(model_file, chain)
-    with errors.status("reading") as status:
-        status.update("checking")
-        checks = check_study(study)
-        try:
-            if saved is None:
-                result = fit_study(study, options, status.update)
-            else:
-                from impid_host.diagnosis.reuse import fit_with_model  # noqa: PLC0415  (the catalogue is slow to import)
-
-                result, provenance = fit_with_model(
-                    study, saved, options, status.update, keep_robot=saved_robot
-                )
-        except UndeterminedError as error:
-            refused(study, checks, error, json_to)
-        measured_twice = agreement(study, result.loads)
-        checks = checks.with_more(gate_fit(study, result)).with_more(measured_twice.checks)
+    drawn = None
+    with errors.status("checking") as status:
+        answer = _answer(study, options, saved, status.update, keep_robot=saved_robot, json_to=json_to)
         if figures is not None:
             status.update("drawing")
             from impid_host.report.fit_figures import draw_study  # noqa: PLC0415  (matplotlib is slow to import)
 
-            drawn = draw_study(result, figures)
-    reflexes = _reflexes(result, validate) if REFLEX in terms else {}
+            drawn = f"{len(draw_study(answer.result, figures))} figures in {figures}"
     handle = study.setup.handle_mass_kg
-    arms = [fit for fit in result.loads if fit.model.name == "arm" and len(fit.model.axes) == 2]
-    tight = [constrain_matrices(fit, handle) for fit in arms] if constrain else []
-    joints = [] if geometry is None else [joint_impedance(fit, geometry, handle) for fit in arms]
-    for line in [] if provenance is None else provenance.warnings:
+    arms = [fit for fit in answer.result.loads if fit.model.name == "arm" and len(fit.model.axes) == 2]
+    extras = _Extras(
+        reflexes=_reflexes(answer.result, validate) if REFLEX in terms else {},
+        tight=[constrain_matrices(fit, handle) for fit in arms] if constrain else [],
+        joints=[] if geometry is None else [joint_impedance(fit, geometry, handle) for fit in arms],
+    )
+    for line in [] if answer.provenance is None else answer.provenance.warnings:
         click.echo(line, err=True)
     if json_to != "-":
-        print_above(table_console(), checks)
-        for line in [] if provenance is None else provenance.lines:
-            click.echo(line)
-        print_fit(table_console(), result, tight, joints, marked=not checks.trusted)
-        if reflexes:
-            table_console().print(reflex_table(reflexes))
-        if measured_twice.pairs:
-            table_console().print(agreement_table(measured_twice))
-        print_below(table_console(), checks)
-        if assumption := unconfirmed(study):
-            click.echo(assumption)
-        if figures is not None:
-            click.echo(f"{len(drawn)} figures in {figures}")
+        _show(answer, extras, unconfirmed(study))
+        if drawn is not None:
+            click.echo(drawn)
     if json_to is not None:
-        document = fit_json(
-            result.study,
-            result.chain,
-            result.trials,
-            result.robot,
-            result.loads,
-            spectral=result.spectral,
-            constrained=tight,
-            joints=joints,
-            partial=result.partial,
-            cutoff_hz=result.cutoff_hz,
-            forces=result.forces,
-            physical=result.physical,
-            checks=checks,
-            measured_twice=measured_twice,
-        )
-        if provenance is not None:
-            document["model"] = asdict(provenance)
-        if reflexes:
-            document["reflex"] = reflex_json(reflexes)
-        _write(json.dumps(document, indent=2), json_to)
-    if checks.impossible:
+        _write(json.dumps(_document(answer, extras), indent=2), json_to)
+    if answer.checks.impossible:
         raise SystemExit(IMPOSSIBLE)
+
+
+@dataclass(frozen=True)
+class _Answer:
+    """A fit and what is to be said about it; `provenance` of a saved model, where one was used."""
+
+    result: StudyFit
+    provenance: "Provenance | None"
+    checks: Checks
+    measured_twice: Agreement
+
+
+@dataclass(frozen=True)
+class _Extras:
+    """What was asked for besides."""
+
+    reflexes: dict[str, tuple[ReflexFit, Band]]
+    tight: list[Constrained]
+    joints: list[JointImpedance]
+
+
+def _answer(
+    study: Study,
+    options: Options,
+    saved: SavedModel | None,
+    progress: Progress,
+    *,
+    keep_robot: bool,
+    json_to: str | None,
+) -> _Answer:
+    """Check, fit, and hold the fit against physics and against what was measured twice."""
+    checks = check_study(study)
+    provenance = None
+    try:
+        if saved is None:
+            result = fit_study(study, options, progress)
+        else:
+            from impid_host.diagnosis.reuse import fit_with_model  # noqa: PLC0415  (the catalogue is slow to import)
+
+            result, provenance = fit_with_model(study, saved, options, progress, keep_robot=keep_robot)
+    except UndeterminedError as error:
+        refused(study, checks, error, json_to)
+    twice = agreement(study, result.loads)
+    checks = checks.with_more(gate_fit(study, result)).with_more(twice.checks)
+    return _Answer(result, provenance, checks, twice)
+
+
+def _show(answer: _Answer, extras: _Extras, assumption: str) -> None:
+    console = table_console()
+    print_above(console, answer.checks)
+    for line in [] if answer.provenance is None else answer.provenance.lines:
+        click.echo(line)
+    print_fit(console, answer.result, extras.tight, extras.joints, marked=not answer.checks.trusted)
+    if extras.reflexes:
+        console.print(reflex_table(extras.reflexes))
+    if answer.measured_twice.pairs:
+        console.print(agreement_table(answer.measured_twice))
+    print_below(console, answer.checks)
+    if assumption:
+        click.echo(assumption)
+
+
+def _document(answer: _Answer, extras: _Extras) -> Json:
+    result = answer.result
+    document = fit_json(
+        result.study,
+        result.chain,
+        result.trials,
+        result.robot,
+        result.loads,
+        spectral=result.spectral,
+        constrained=extras.tight,
+        joints=extras.joints,
+        partial=result.partial,
+        cutoff_hz=result.cutoff_hz,
+        forces=result.forces,
+        physical=result.physical,
+        checks=answer.checks,
+        measured_twice=answer.measured_twice,
+    )
+    if answer.provenance is not None:
+        document["model"] = asdict(answer.provenance)
+    if extras.reflexes:
+        document["reflex"] = reflex_json(extras.reflexes)
+    return document
 
 
 def _chain(study: Study, name: str, cutoff: float | None) -> Chain:

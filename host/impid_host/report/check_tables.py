@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Sequence
 from itertools import zip_longest
 
-from rich.console import Console
+from rich.console import Console, RenderableType
 from rich.table import Table
 from rich.text import Text
 
@@ -56,7 +56,7 @@ def with_marks(table: Table) -> Table:
         caption_justify=table.caption_justify,
         style="red",
     )
-    columns = []
+    columns: list[list[RenderableType]] = []
     for column in table.columns:
         copy.add_column(column.header, justify=column.justify, overflow=column.overflow)
         numbers = column.justify == "right"
@@ -66,7 +66,7 @@ def with_marks(table: Table) -> Table:
     return copy
 
 
-def _with_mark(cell: object) -> object:
+def _with_mark(cell: RenderableType) -> RenderableType:
     return f"{cell}{MARK}" if isinstance(cell, str) and any(c.isdigit() for c in cell) else cell
 
 

@@ -76,15 +76,15 @@ def _mistake(case: _Case) -> Hypothesis:
                 _other_axis(values, case.sensor) if swapped else values, found
             )
         )
-        return replace(mended, mount=case.mount, mount_angle=angle)
+        return replace(mended, mount=case.mount)
 
-    keys = ", ".join(f"{change.key} = {_toml(change.value)}" for change in changes)
+    listed = ", ".join(f"{change.key} = {_toml(change.value)}" for change in changes)
     return Hypothesis(
         what,
         _where(found) if what == "accel.unit" else "sensor",
         "the accelerometer is not as declared: " + "; ".join(words),
         mend,
-        f"setup.toml: [accelerometer] {keys}",
+        f"setup.toml: [accelerometer] {listed}",
         tuple(changes),
         odds=0.0 if case.mount == study.mount else 0.5,
     )

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -88,7 +89,7 @@ def _module(study: Signals, encoder: EncoderSetup) -> Iterator[Hypothesis]:
 
 def _sets(n: int) -> list[tuple[int, ...]]:
     """Each joint, and all of them."""
-    single = [(joint,) for joint in range(n)]
+    single: list[tuple[int, ...]] = [(joint,) for joint in range(n)]
     return single if n == 1 else [*single, tuple(range(n))]
 
 
@@ -236,7 +237,7 @@ def _controller(study: Signals) -> Iterator[Hypothesis]:
                 "angle.zero",
                 where,
                 f"the controller's zero is off by {said}, against zero_rad",
-                _on_joints(joints, lambda angle, joint, apart=apart: angle - apart[joint]),
+                partial(_moved, by={joint: -offset for joint, offset in apart.items()}),
                 "; ".join(
                     f'theta{joint + 1} = {{ column = "...", offset = {-offset:.4f} }}'
                     for joint, offset in apart.items()
@@ -287,7 +288,7 @@ def _relative(side: str, study: Signals) -> Iterator[Hypothesis]:
             "angle.frame",
             "joint2",
             f"the {side}'s angle of joint 2 is measured {words}",
-            lambda theta, sign=sign: np.stack([theta[:, 0], theta[:, 1] + sign * theta[:, 0]], axis=1),
+            partial(_second_with_first, sign=sign),
             (
                 f'theta2 = {{ expression = "theta2 {"+" if sign > 0 else "-"} theta1" }}'
                 if side == "controller"
@@ -316,7 +317,7 @@ def _both(study: Signals, encoder: EncoderSetup | None) -> Iterator[Hypothesis]:
                 "angle.zero",
                 f"joint{joint + 1}",
                 f"the zero of joint {joint + 1} is off by {words} degrees in every log",
-                _on_joint(joint, lambda angle, shift=shift: angle + shift),
+                partial(_moved, by={joint: shift}),
                 _both_sides(encoder, joint, "zero", shift),
                 odds=1.5,
             )
@@ -335,9 +336,7 @@ def _both(study: Signals, encoder: EncoderSetup | None) -> Iterator[Hypothesis]:
                     "angle.frame",
                     "joint2",
                     "joint 2 is measured from link 1",
-                    lambda theta, shift=shift: np.stack(
-                        [theta[:, 0], theta[:, 0] + theta[:, 1] + shift], axis=1
-                    ),
+                    partial(_second_with_first, sign=1.0, shift=shift),
                     'setup.toml: [robot] model = "planar-2r-relative" (its joint 2 is 0 where the arm is '
                     "straight)",
                     (Change("robot", "model", "planar-2r-relative"),) if shift else (),
@@ -349,9 +348,7 @@ def _both(study: Signals, encoder: EncoderSetup | None) -> Iterator[Hypothesis]:
                     "angle.frame",
                     "joint2",
                     "joint 2 is measured from the base",
-                    lambda theta, shift=shift: np.stack(
-                        [theta[:, 0], theta[:, 1] - theta[:, 0] + shift], axis=1
-                    ),
+                    partial(_second_with_first, sign=-1.0, shift=shift),
                     'setup.toml: [robot] model = "planar-2r-absolute"',
                     (Change("robot", "model", "planar-2r-absolute"),) if shift else (),
                     odds=1.0,
@@ -361,7 +358,7 @@ def _both(study: Signals, encoder: EncoderSetup | None) -> Iterator[Hypothesis]:
             "angle.unit",
             "+".join(f"joint{joint + 1}" for joint in range(n)),
             f"all angles are {factor.words} times too large",
-            lambda theta, value=factor.value: theta / value,
+            partial(_divided, by=factor.value),
             f'{_LOG}: theta = {{ column = "...", scale = {1 / factor.value:.6g} }}'
             + ("" if encoder is None else "; setup.toml: [encoder] counts_per_rev by the same factor"),
             odds=1.0,
@@ -383,6 +380,23 @@ def _both_sides(encoder: EncoderSetup | None, joint: int, what: str, value: floa
 
 
 Angles = Callable[[Floats], Floats]
+
+
+def _second_with_first(theta: Floats, *, sign: float, shift: float = 0.0) -> Floats:
+    """theta2 + sign theta1 + shift in the place of theta2."""
+    return np.stack([theta[:, 0], theta[:, 1] + sign * theta[:, 0] + shift], axis=1)
+
+
+def _moved(theta: Floats, *, by: dict[int, float]) -> Floats:
+    """Constants added to some joints."""
+    theta = theta.copy()
+    for joint, offset in by.items():
+        theta[:, joint] += offset
+    return theta
+
+
+def _divided(theta: Floats, *, by: float) -> Floats:
+    return theta / by
 
 
 def _on_joint(joint: int, change: Angles) -> Angles:

@@ -102,7 +102,7 @@ def _mistake(study: Signals, frame: Frame, found: AxisMap) -> Hypothesis:
 
     def mend(signals: Signals) -> Signals:
         mended = signals.mapped(force=lambda values: corrected(values, found))
-        return replace(mended, force_frame=frame, force_angle=angle)
+        return replace(mended, force_frame=frame)
 
     return Hypothesis(
         what,
@@ -112,7 +112,7 @@ def _mistake(study: Signals, frame: Frame, found: AxisMap) -> Hypothesis:
         "; ".join(remedy),
         tuple(changes),
         odds=0.0 if frame == study.force_frame else 0.5,
-        one_trial=frame == study.force_frame and found.turn == 0,
+        one_trial=frame == study.force_frame,
     )
 
 

@@ -1,7 +1,7 @@
 """What goes wrong with logged torques: sign, order, unit, and whose torque it is."""
 
 from collections.abc import Iterator
-from itertools import combinations
+from itertools import combinations, product
 
 import numpy as np
 
@@ -35,13 +35,18 @@ def hypotheses(study: Signals, factors: tuple[Factor, ...]) -> Iterator[Hypothes
         )
     for i, j in combinations(range(n), 2):
         order = np.eye(n)[[j if k == i else i if k == j else k for k in range(n)]]
-        yield _linear(
-            "torque.swapped",
-            f"joint{i + 1}+joint{j + 1}",
-            f"tau{i + 1} and tau{j + 1} are swapped",
-            order,
-            f"give tau{i + 1} the column of tau{j + 1} and the other way round",
-        )
+        for first, second in product((1, -1), (1, -1)):
+            signs = np.ones(n)
+            signs[[i, j]] = first, second
+            turned = "" if first == second == 1 else f", with signs {first:+d} and {second:+d}"
+            yield _linear(
+                "torque.swapped",
+                f"joint{i + 1}+joint{j + 1}",
+                f"tau{i + 1} and tau{j + 1} are swapped{turned}",
+                signs[:, None] * order,
+                f"give tau{i + 1} the column of tau{j + 1} and the other way round{turned}",
+                odds=0.0 if not turned else 0.5,
+            )
     yield from _frames(study)
     for factor in factors:
         yield _linear(

@@ -2,8 +2,9 @@
 
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import partial
 
-from impid_host.checks.factors import KNOWN, Factor
+from impid_host.checks.factors import Factor, nearest
 from impid_host.checks.mistakes.hypothesis import Hypothesis
 from impid_host.checks.signals import Signals, TrialSignals
 
@@ -26,15 +27,22 @@ def relabelled(study: Signals, trial: TrialSignals) -> Iterator[Hypothesis]:
         yield _as(trial, kind, f"{trial.name} (own load)", what, said, odds=1.0)
 
 
-def payload(study: Signals) -> Iterator[Hypothesis]:
-    """A payload weighed in another unit."""
+def payload(study: Signals, seen: tuple[Factor, ...]) -> Iterator[Hypothesis]:
+    """A payload weighed in another unit, or weighed wrongly.
+
+    Args:
+        seen: fitted over weighed mass, where they are far apart.
+    """
     names = [trial.load for trial in study.trials if trial.kind == "mass-spring" and trial.payload_kg]
-    for factor in KNOWN if names else ():
+    for ratio in seen if names else ():
+        factor = nearest(1 / ratio.value)
+        if factor is None:
+            continue
         yield Hypothesis(
             "trial.load",
             "+".join(dict.fromkeys(names)),
             f"the weighed payload is {factor.words} times too large",
-            lambda signals, factor=factor: _reweighed(signals, factor),
+            partial(_reweighed, factor=factor),
             "trial.toml: payload_kg "
             + ", ".join(
                 f"{t.payload_kg / factor.value:.4g} in {t.name}" for t in study.trials if t.payload_kg
@@ -43,7 +51,7 @@ def payload(study: Signals) -> Iterator[Hypothesis]:
         )
 
 
-def _reweighed(study: Signals, factor: Factor) -> Signals:
+def _reweighed(study: Signals, *, factor: Factor) -> Signals:
     return study.with_trials(
         tuple(
             replace(trial, payload_kg=trial.payload_kg / factor.value) if trial.payload_kg else trial
