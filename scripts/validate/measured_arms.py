@@ -106,7 +106,7 @@ def load(data: Path, case: Case, name: str) -> Study:
     return Study(study.name, study.setup, kept)
 
 
-def judge(data: Path, case: Case, chain: Chain) -> dict[str, Any]:
+def judge(data: Path, case: Case, chain: Chain, *, physical: bool = False) -> dict[str, Any]:
     """Errors of one case in one band, % of the judged torque, whole and joint by joint."""
     split = Split(0.0 if case.judged else 10.0)
     study = load(data, case, case.learned)
@@ -126,7 +126,7 @@ def judge(data: Path, case: Case, chain: Chain) -> dict[str, Any]:
         "joints": [joint + 1 for joint in fit.joints],
         **errors(judged, structure, fit.parameters.value, chain, split, fit.joints),
     }
-    if case.physical:
+    if physical:
         possible = physical_robot(fit, trials, chain, split)
         entry["possible_inertias"] = errors(judged, structure, possible.value, chain, split, fit.joints)
     return entry
@@ -236,12 +236,13 @@ def main() -> None:
     arguments = parser.parse_args()
     if not (arguments.data / "emps").is_dir():
         raise SystemExit(f"measured data not found at {arguments.data}; set IMPID_DATA (docs/data.md)")
-    results = {
-        case.title: [
-            judge(arguments.data, case, chain) for chain in bands(load(arguments.data, case, case.learned))
+    results = {}
+    for case in CASES:
+        chains = bands(load(arguments.data, case, case.learned))
+        results[case.title] = [
+            judge(arguments.data, case, chain, physical=case.physical and k == 0)
+            for k, chain in enumerate(chains)
         ]
-        for case in CASES
-    }
     forces = leg(arguments.data)
     document = {"torque": results, "leg_force": forces}
     (arguments.out / "measured_arms.json").write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")
