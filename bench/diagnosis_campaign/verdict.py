@@ -4,7 +4,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 NO_NAME = "unattributed"
-_BOTH_AXES = frozenset({"accel.scale", "accel.bias", "accel.cross_axis"})
+_BOTH_AXES = frozenset(
+    f"{sensor}.{error}" for sensor in ("accel", "force") for error in ("scale", "bias", "cross_axis")
+)
 
 Places = Mapping[str, frozenset[str]]
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
-BINARY = ROOT / ".pio" / "build" / "nucleo_f446re" / "program.elf"
+BINARY = ROOT / ".pio" / "build" / "nucleo_f446re" / "firmware.elf"
 
 sys.path.insert(0, str(Path(__file__).parent))
 

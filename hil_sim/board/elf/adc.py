@@ -1,10 +1,12 @@
-"""Analog-to-digital converters ADC1 and ADC2 (RM0390 chapter 13): single regular conversions of 12 bits.
+"""Analog-to-digital converters ADC1 and ADC2 (RM0390 chapter 13): single conversions of 12 bits.
 
 Independent by software start, or in regular simultaneous dual mode by a timer's trigger, where both
-convert in the same instant and one word with both results goes to the DMA.
+convert in the same instant and one word with both results goes to the DMA. An injected conversion is started
+by software, on both in dual mode.
 """
 
 from collections.abc import Callable
+from functools import partial
 from typing import TYPE_CHECKING, ClassVar
 
 from hil_sim.board.elf.registers import ALL, Peripheral, Register
@@ -12,15 +14,17 @@ from hil_sim.board.elf.registers import ALL, Peripheral, Register
 if TYPE_CHECKING:
     from hil_sim.board.elf.soc import Soc
 
-EOC, STRT, OVR = 1 << 1, 1 << 4, 1 << 5
+EOC, JEOC, JSTRT, STRT, OVR = 1 << 1, 1 << 2, 1 << 3, 1 << 4, 1 << 5
 EOCIE, OVRIE = 1 << 5, 1 << 26
 ADON, DMA, DDS, EOCS, SWSTART = 1 << 0, 1 << 8, 1 << 9, 1 << 10, 1 << 30
+JSWSTART = 1 << 22
 SAMPLE_CYCLES = (3, 15, 28, 56, 84, 112, 144, 480)  # 13.13.4
 CONVERSION_CYCLES = 12  # 12 bits (13.5)
 MAX_CLOCK_HZ = 36e6  # data sheet, ADC characteristics, VDDA above 2.4 V
 ADC_IRQ = 18
 TRIGGERS = {8: "TIM3"}  # EXTSEL 1000: TIM3_TRGO (13.6)
 SIMULTANEOUS = 6  # MULTI 00110: regular simultaneous mode only (13.13.16)
+BOTH_SIMULTANEOUS = 1  # MULTI 00001: regular and injected simultaneous mode
 DMA_MODE_2 = 2
 
 Source = Callable[[int], int]
@@ -32,12 +36,14 @@ class Converter(Peripheral):
     REGISTERS: ClassVar[tuple[Register, ...]] = (
         Register("SR", 0x00, "13.13.1", modelled=ALL),
         Register("CR1", 0x04, "13.13.2", modelled=EOCIE | OVRIE),
-        Register("CR2", 0x08, "13.13.3", modelled=ADON | DMA | DDS | EOCS | 0x3F00_0000 | SWSTART),
+        Register("CR2", 0x08, "13.13.3", modelled=ADON | DMA | DDS | EOCS | JSWSTART | 0x3F00_0000 | SWSTART),
         Register("SMPR1", 0x0C, "13.13.4", modelled=0x07FF_FFFF),
         Register("SMPR2", 0x10, "13.13.5", modelled=0x3FFF_FFFF),
         Register("SQR1", 0x2C, "13.13.9"),  # L = 0: one conversion
         Register("SQR2", 0x30, "13.13.10"),
         Register("SQR3", 0x34, "13.13.11", modelled=0x1F),
+        Register("JSQR", 0x38, "13.13.12", modelled=0x000F_8000),  # JL = 0: JSQ4 alone
+        Register("JDR1", 0x3C, "13.13.13"),
         Register("DR", 0x4C, "13.13.14"),
     )
 
@@ -50,9 +56,14 @@ class Converter(Peripheral):
         """The one channel of the sequence."""
         return self.value["SQR3"] & 0x1F
 
-    def conversion_cycles(self) -> int:
+    @property
+    def injected_channel(self) -> int:
+        """The one channel of the injected sequence."""
+        return self.value["JSQR"] >> 15 & 0x1F
+
+    def conversion_cycles(self, channel: int) -> int:
         """Sampling plus conversion, in cycles of the ADC clock (13.5)."""
-        register, place = ("SMPR1", self.channel - 10) if self.channel >= 10 else ("SMPR2", self.channel)
+        register, place = ("SMPR1", channel - 10) if channel >= 10 else ("SMPR2", channel)
         return SAMPLE_CYCLES[self.value[register] >> 3 * place & 7] + CONVERSION_CYCLES
 
     def write_sr(self, value: int) -> None:
@@ -66,8 +77,8 @@ class Converter(Peripheral):
         self.pair.update_line()
 
     def read_cr2(self) -> int:
-        """SWSTART is cleared by hardware when the conversion starts."""
-        return self.value["CR2"] & ~SWSTART
+        """SWSTART and JSWSTART are cleared by hardware when the conversion starts."""
+        return self.value["CR2"] & ~(SWSTART | JSWSTART)
 
     def write_cr2(self, value: int) -> None:
         """Power, trigger, DMA, software start."""
@@ -75,11 +86,13 @@ class Converter(Peripheral):
         if edges and (edges != 1 or selection not in TRIGGERS):
             raise self.unmodelled("write", "CR2", 0x08, value & 0x3F00_0000)
         was_on = self.value["CR2"] & ADON
-        self.value["CR2"] = value & ~SWSTART
+        self.value["CR2"] = value & ~(SWSTART | JSWSTART)
+        if value & (SWSTART | JSWSTART) and not was_on:
+            raise self.violation("a start before ADON", "13.3.1")
         if value & SWSTART:
-            if not was_on:
-                raise self.violation("SWSTART before ADON", "13.3.1")
             self.pair.start(self)
+        if value & JSWSTART:
+            self.pair.start_injected(self)
 
     def read_dr(self) -> int:
         """Reading the result clears EOC."""
@@ -103,6 +116,7 @@ class AdcPair(Peripheral):
         self.adc2 = Converter("ADC2", base + 0x100, self)
         self.source: Source = lambda _channel: 0
         self._busy_until = -1
+        self._injected_until = -1
         self._overrun = False
 
     def read(self, offset: int, size: int) -> int:
@@ -121,7 +135,7 @@ class AdcPair(Peripheral):
     @property
     def dual(self) -> bool:
         """Both convert together."""
-        return self.value["CCR"] & 0x1F == SIMULTANEOUS
+        return self.value["CCR"] & 0x1F in (SIMULTANEOUS, BOTH_SIMULTANEOUS)
 
     @property
     def clock_divider(self) -> int:
@@ -133,7 +147,7 @@ class AdcPair(Peripheral):
 
     def write_ccr(self, value: int) -> None:
         """Mode, DMA mode, clock and the internal reference."""
-        if value & 0x1F not in (0, SIMULTANEOUS) or value >> 14 & 3 not in (0, DMA_MODE_2):
+        if value & 0x1F not in (0, SIMULTANEOUS, BOTH_SIMULTANEOUS) or value >> 14 & 3 not in (0, DMA_MODE_2):
             raise self.unmodelled("write", "CCR", 0x304, value)
         self.value["CCR"] = value
 
@@ -153,19 +167,40 @@ class AdcPair(Peripheral):
     def start(self, master: Converter) -> None:
         """Samples now; the result comes after sampling and conversion. A trigger meanwhile is ignored."""
         now = self.soc.schedule.now
+        if now < self._injected_until:
+            raise self.violation("a trigger during an injected conversion: the sample is late", "13.3.9")
         if now < self._busy_until:
             return
         both = self.dual and master is self.adc1
         if both and not self.adc2.value["CR2"] & ADON:
             raise self.violation("dual mode with ADC2 off", "13.9")
-        length = master.conversion_cycles()
-        if both and length != self.adc2.conversion_cycles():
+        length = master.conversion_cycles(master.channel)
+        if both and length != self.adc2.conversion_cycles(self.adc2.channel):
             raise self.violation("simultaneous conversions of different length", "13.9.2")
         self._busy_until = now + length * self.clock_divider
         master.value["SR"] |= STRT
         first = self.source(master.channel)
         second = self.source(self.adc2.channel) if both else None
         self.soc.schedule.at(self._busy_until, lambda: self._finish(master, first, second))
+
+    def start_injected(self, master: Converter) -> None:
+        """Samples now; in dual mode both do, and each has its own length."""
+        now = self.soc.schedule.now
+        if now < max(self._busy_until, self._injected_until):
+            raise self.violation("an injected conversion during another", "13.3.9")
+        if self.value["CCR"] & 0x1F == SIMULTANEOUS:
+            raise self.violation("an injected conversion in regular simultaneous mode", "13.9.2")
+        units = (self.adc1, self.adc2) if self.dual else (master,)
+        for unit in units:
+            length = unit.conversion_cycles(unit.injected_channel) * self.clock_divider
+            self._injected_until = max(self._injected_until, now + length)
+            unit.value["SR"] |= JSTRT
+            result = self.source(unit.injected_channel)
+            self.soc.schedule.at(now + length, partial(self._finish_injected, unit, result))
+
+    def _finish_injected(self, unit: Converter, result: int) -> None:
+        unit.value["JDR1"] = result
+        unit.value["SR"] |= JEOC
 
     def _finish(self, master: Converter, first: int, second: int | None) -> None:
         """Results, EOC, DMA request; a result that was not fetched in time is an overrun (13.8.2)."""

@@ -62,6 +62,7 @@ class ElfBoard:
         self._rows: int  # since boot
         self._converting: bool
         self._first_trigger_s = 0.0  # of row 0
+        self.supply_mV = 3300  # of the chip and of what it measures
         self.soc.stop_at_reset = True
         self.reboot()
 
@@ -99,7 +100,7 @@ class ElfBoard:
 
     def _analog(self, channel: int) -> int:
         if channel == VREFINT_CHANNEL:
-            return VREFINT_CAL
+            return round(VREFINT_CAL * 3300 / self.supply_mV)
         if channel not in AXIS_OF_CHANNEL:
             raise EmulatorError(f"nothing is wired to ADC channel {channel}")
         if not self.soc.analog_input(channel):

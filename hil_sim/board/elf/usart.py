@@ -13,7 +13,7 @@ from hil_sim.board.elf.schedule import Event
 if TYPE_CHECKING:
     from hil_sim.board.elf.soc import Soc
 
-ORE, IDLE, RXNE, TC, TXE = 1 << 3, 1 << 4, 1 << 5, 1 << 6, 1 << 7
+FE, NF, ORE, IDLE, RXNE, TC, TXE = 1 << 1, 1 << 2, 1 << 3, 1 << 4, 1 << 5, 1 << 6, 1 << 7
 RE, TE, IDLEIE, RXNEIE, TCIE, TXEIE, UE = 1 << 2, 1 << 3, 1 << 4, 1 << 5, 1 << 6, 1 << 7, 1 << 13
 EIE, DMAR, DMAT = 1 << 0, 1 << 6, 1 << 7
 FRAME_BITS = 10
@@ -41,6 +41,7 @@ class Usart(Peripheral):
         self._holding: int | None = None  # DR, waiting for the shift register
         self._shifting = False
         self._received = 0
+        self.damaged_bytes = 0  # so many of the next ones arrive with noise and a bad stop bit
         self._status_read = False
         self._incoming: deque[int] = deque()
         self._line_rate = 0.0
@@ -109,6 +110,10 @@ class Usart(Peripheral):
             return
         if abs(self.baud / self._line_rate - 1) > TOLERANCE:
             raise self.violation(f"{self.baud:.0f} baud cannot receive {self._line_rate:.0f} baud", "25.4.5")
+        if self.damaged_bytes:
+            self.damaged_bytes -= 1
+            self.value["SR"] |= FE | NF
+            byte ^= 0x40
         if self.value["SR"] & RXNE:
             self.value["SR"] |= ORE  # the byte is lost, DR keeps the old one (25.4.3)
         else:
@@ -133,7 +138,7 @@ class Usart(Peripheral):
     # --- registers ----------------------------------------------------------------------------------
 
     def read_sr(self) -> int:
-        """First half of the sequence that clears IDLE and ORE."""
+        """First half of the sequence that clears IDLE and the errors."""
         self._status_read = True
         return self.value["SR"]
 
@@ -143,8 +148,8 @@ class Usart(Peripheral):
         self.update_line()
 
     def read_dr(self) -> int:
-        """Takes the received byte; after a read of SR also clears IDLE and ORE."""
-        self.value["SR"] &= ~RXNE & ~((IDLE | ORE) if self._status_read else 0)
+        """Takes the received byte; after a read of SR also clears IDLE and the errors."""
+        self.value["SR"] &= ~RXNE & ~((IDLE | ORE | NF | FE) if self._status_read else 0)
         self._status_read = False
         self.update_line()
         return self._received

@@ -8,6 +8,9 @@ from typing import Literal
 import click
 from rich.console import Console
 
+from impid_host.checks import agreement, check_study
+from impid_host.checks.of_fit import gate_fit
+from impid_host.cli.checked import IMPOSSIBLE, refused, unconfirmed
 from impid_host.cli.inputs import load_inputs
 from impid_host.cli.pair import PAIR
 from impid_host.diagnosis.saved import SavedModel, read_model
@@ -17,6 +20,7 @@ from impid_host.impedance.constrained import constrain as constrain_matrices
 from impid_host.impedance.joint_space import Limb, joint_impedance
 from impid_host.impedance.reflex import Band, ReflexFit, fit_trial_reflex
 from impid_host.impedance.rows import Split
+from impid_host.report.check_tables import agreement_table, print_above, print_below
 from impid_host.report.fit_json import fit_json
 from impid_host.report.fit_page import print_fit
 from impid_host.report.reflex_report import reflex_json, reflex_table
@@ -142,12 +146,21 @@ def command(
     provenance = None
     saved = None if model_file is None else _saved(model_file, chain)
     with errors.status("reading") as status:
-        if saved is None:
-            result = fit_study(study, options, status.update)
-        else:
-            from impid_host.diagnosis.reuse import fit_with_model  # noqa: PLC0415  (the catalogue is slow to import)
+        status.update("checking")
+        checks = check_study(study)
+        try:
+            if saved is None:
+                result = fit_study(study, options, status.update)
+            else:
+                from impid_host.diagnosis.reuse import fit_with_model  # noqa: PLC0415  (the catalogue is slow to import)
 
-            result, provenance = fit_with_model(study, saved, options, status.update, keep_robot=saved_robot)
+                result, provenance = fit_with_model(
+                    study, saved, options, status.update, keep_robot=saved_robot
+                )
+        except UndeterminedError as error:
+            refused(study, checks, error, json_to)
+        measured_twice = agreement(study, result.loads)
+        checks = checks.with_more(gate_fit(study, result)).with_more(measured_twice.checks)
         if figures is not None:
             status.update("drawing")
             from impid_host.report.fit_figures import draw_study  # noqa: PLC0415  (matplotlib is slow to import)
@@ -161,11 +174,17 @@ def command(
     for line in [] if provenance is None else provenance.warnings:
         click.echo(line, err=True)
     if json_to != "-":
+        print_above(table_console(), checks)
         for line in [] if provenance is None else provenance.lines:
             click.echo(line)
-        print_fit(table_console(), result, tight, joints)
+        print_fit(table_console(), result, tight, joints, marked=not checks.trusted)
         if reflexes:
             table_console().print(reflex_table(reflexes))
+        if measured_twice.pairs:
+            table_console().print(agreement_table(measured_twice))
+        print_below(table_console(), checks)
+        if assumption := unconfirmed(study):
+            click.echo(assumption)
         if figures is not None:
             click.echo(f"{len(drawn)} figures in {figures}")
     if json_to is not None:
@@ -182,12 +201,16 @@ def command(
             cutoff_hz=result.cutoff_hz,
             forces=result.forces,
             physical=result.physical,
+            checks=checks,
+            measured_twice=measured_twice,
         )
         if provenance is not None:
             document["model"] = asdict(provenance)
         if reflexes:
             document["reflex"] = reflex_json(reflexes)
         _write(json.dumps(document, indent=2), json_to)
+    if checks.impossible:
+        raise SystemExit(IMPOSSIBLE)
 
 
 def _chain(study: Study, name: str, cutoff: float | None) -> Chain:

@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from impid_host.checks import Agreement, Checks
 from impid_host.clock.robot import RobotClockFit
 from impid_host.impedance.constrained import Constrained
 from impid_host.impedance.force import ForceComparison
@@ -37,6 +38,8 @@ def fit_json(
     cutoff_hz: float | None = None,
     forces: Sequence[ForceComparison] = (),
     physical: PhysicalRobot | None = None,
+    checks: Checks | None = None,
+    measured_twice: Agreement | None = None,
 ) -> Json:
     """The result of `fit`, format impid-fit/1. SI units; vectors [x, y], matrices [[xx, xy], [yx, yy]]."""
     by_load: dict[str, Json] = {}
@@ -55,6 +58,10 @@ def fit_json(
     return {
         "format": "impid-fit/1",
         "study": study,
+        **({} if checks is None else checks.to_dict()),
+        **(
+            {} if measured_twice is None else {"agreement": [pair.to_dict() for pair in measured_twice.pairs]}
+        ),
         "chain": chain,
         "cutoff_Hz": cutoff_hz,
         "trials": [

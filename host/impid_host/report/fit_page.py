@@ -3,11 +3,13 @@
 from collections.abc import Iterator, Sequence
 
 from rich.console import Console, RenderableType
+from rich.table import Table
 
 from impid_host.impedance.campaign import StudyFit
 from impid_host.impedance.constrained import Constrained
 from impid_host.impedance.identify import LoadFit, RobotFit
 from impid_host.impedance.joint_space import JointImpedance
+from impid_host.report.check_tables import with_marks
 from impid_host.report.fit_tables import (
     constrained_table,
     force_table,
@@ -32,10 +34,16 @@ def print_fit(
     result: StudyFit,
     constrained: Sequence[Constrained] = (),
     joints: Sequence[JointImpedance] = (),
+    *,
+    marked: bool = False,
 ) -> None:
-    """Print every table of a study with an empty line between them."""
+    """Print every table of a study with an empty line between them.
+
+    Args:
+        marked: mark every number, since something about the study contradicts itself or physics.
+    """
     for part in _parts(result, constrained, joints):
-        console.print(part, markup=False)
+        console.print(with_marks(part) if marked and isinstance(part, Table) else part, markup=False)
         console.print()
 
 

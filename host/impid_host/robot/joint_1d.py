@@ -24,6 +24,7 @@ class Joint1D(SingleAxis):
     parameter_units: ClassVar[tuple[str, ...]] = ("kg*m^2", "N*m*s/rad")
     task_is_rotary: ClassVar[bool] = True
     torque_at_load: ClassVar[bool] = True
+    baseline: ClassVar[str] = "papers"
     gravity_parameters: ClassVar[tuple[str, ...]] = ("gs", "gc")
 
     def gravity_regressor(self, theta: Floats) -> Floats:

@@ -46,6 +46,10 @@ class RobotModel(Protocol):
         """True where tau is measured at the load, with no drive between; `torque_at_load` asks a study."""
 
     @property
+    def baseline(self) -> str:
+        """What a diagnosis of this robot starts from: "papers" or "textbook" (dry friction, offset too)."""
+
+    @property
     def has_gravity(self) -> bool:
         """True where gravity is part of the model: its parameters hold the links' first moments."""
 
@@ -55,6 +59,16 @@ class RobotModel(Protocol):
 
     def gravity_regressor(self, theta: Floats) -> Floats:
         """What one unit of each adds to the torque: (N, n) -> (N, n, g); g is 0 where `has_gravity`."""
+
+    @property
+    def link_lengths_m(self) -> tuple[float, ...]:
+        """Declared link lengths, m; empty where setup.toml declares none."""
+
+    def with_links(self, lengths_m: tuple[float, ...]) -> "RobotModel":
+        """The same robot with other link lengths."""
+
+    def first_moments(self, theta: Floats, parameters: Floats) -> Floats | None:
+        """Torque per unit of gravity along x and y by moments that the inertias tell: (N, n) -> (N, n, 2)."""
 
     @property
     def plane_gravity_m_s2(self) -> tuple[float, float]:

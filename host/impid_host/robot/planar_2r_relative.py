@@ -1,6 +1,6 @@
 """Two revolute joints, the second angle measured from the first link; gravity in the plane, if any."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
@@ -35,6 +35,21 @@ class Planar2RRelative:
     task_axes: ClassVar[tuple[str, ...]] = ("x", "y")
     task_is_rotary: ClassVar[bool] = False
     torque_at_load: ClassVar[bool] = False
+    baseline: ClassVar[str] = "textbook"
+
+    @property
+    def link_lengths_m(self) -> tuple[float, ...]:
+        """l1, l2."""
+        return (self.l1, self.l2)
+
+    def with_links(self, lengths_m: tuple[float, ...]) -> "Planar2RRelative":
+        """The same robot with other link lengths."""
+        return replace(self, l1=lengths_m[0], l2=lengths_m[1])
+
+    def first_moments(self, theta: Floats, parameters: Floats) -> Floats | None:  # noqa: ARG002
+        """None: the inertias of this form do not tell the first link's moment."""
+        return None
+
     link_inertias: ClassVar[Floats | None] = None
     parameter_meanings: ClassVar[dict[str, str]] = {}
 

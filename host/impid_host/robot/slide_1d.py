@@ -21,6 +21,7 @@ class Slide1D(SingleAxis):
     parameter_units: ClassVar[tuple[str, ...]] = ("kg", "N*s/m")
     task_is_rotary: ClassVar[bool] = False
     torque_at_load: ClassVar[bool] = False
+    baseline: ClassVar[str] = "textbook"
     gravity_parameters: ClassVar[tuple[str, ...]] = ()
 
     def gravity_regressor(self, theta: Floats) -> Floats:

@@ -69,6 +69,7 @@ class Urdf:
 
     task_is_rotary: ClassVar[bool] = False
     torque_at_load: ClassVar[bool] = False
+    baseline: ClassVar[str] = "textbook"
     gravity_parameters: ClassVar[tuple[str, ...]] = ()
 
     @property
@@ -90,6 +91,19 @@ class Urdf:
     def plane_gravity_m_s2(self) -> tuple[float, float]:
         """A URDF's gravity is along -z; an arm that stays in x and y feels none."""
         return (0.0, 0.0)
+
+    @property
+    def link_lengths_m(self) -> tuple[float, ...]:
+        """None declared."""
+        return ()
+
+    def with_links(self, lengths_m: tuple[float, ...]) -> "Urdf":  # noqa: ARG002
+        """The robot itself: it has no declared lengths."""
+        return self
+
+    def first_moments(self, theta: Floats, parameters: Floats) -> Floats | None:  # noqa: ARG002
+        """None: no arm in a plane."""
+        return None
 
     @property
     def parameter_names(self) -> tuple[str, ...]:

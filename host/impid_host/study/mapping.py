@@ -15,7 +15,8 @@ from impid_host.study.quantities import UnitError, factor_to_si, si_unit
 from impid_host.study.setup_file import FORMAT, setup_from_tables
 from impid_host.study.toml_file import Table, load_toml, validate
 
-_FORCES = ("fx", "fy", "fdx", "fdy", "sync")
+_PAIRS = (("fx", "fy"), ("fdx", "fdy"), ("acc_x", "acc_y"))
+_OPTIONAL = (*(name for pair in _PAIRS for name in pair), "sync")
 
 
 class _Log(Table):
@@ -57,6 +58,8 @@ class _Column(Table):
     def _one_source(self) -> Self:
         if (self.column is None) == (self.expression is None):
             raise ValueError("give either column or expression")
+        if self.scale == 0.0:
+            raise ValueError("scale must not be zero: it would make every value zero")
         return self
 
 
@@ -69,7 +72,7 @@ class _Mapping(Table):
 
 @dataclass(frozen=True, slots=True)
 class ColumnRule:
-    """Where one column of `robot.csv` comes from: value = source * factor, in SI units.
+    """Where one column of `robot.csv`, or an acceleration, comes from: value = source * factor, in SI units.
 
     Attributes:
         source: a column's name, or an expression.
@@ -127,6 +130,12 @@ def read_mapping(path: Path) -> Mapping:
         )
         for index, table in enumerate(checked.trial)
     )
+    if setup.accelerometer is None and any("acc_x" in trial.columns for trial in trials):
+        raise InputError(
+            path,
+            "key `setup.accelerometer` is missing",
+            "say where acc_x, acc_y are mounted (mount, mount_angle_rad)",
+        )
     log = checked.log
     return Mapping(
         path=path,
@@ -170,7 +179,7 @@ def _trial_rule(
     required = [f"{kind}{i + 1}" for kind in ("theta", "tau") for i in range(len(slides))]
     if timed:
         required.insert(0, "t")
-    allowed = ["t", *required, *_FORCES]
+    allowed = ["t", *required, *_OPTIONAL]
     for name in required:
         if name not in given:
             remedy = "add it" + (" (or give [log] rate_hz)" if name == "t" else "")
@@ -179,7 +188,7 @@ def _trial_rule(
         if name not in allowed:
             remedy = f"model {model} has {', '.join(dict.fromkeys(allowed))}"
             raise InputError(path, f"key `columns.{name}` is no column of this study", remedy)
-    for pair in (("fx", "fy"), ("fdx", "fdy")):
+    for pair in _PAIRS:
         present = [name for name in pair if name in given]
         if len(present) == 1:
             raise InputError(

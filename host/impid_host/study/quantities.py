@@ -5,7 +5,14 @@ from functools import cache
 
 import pint
 
-_NAMES = {"s": "a time", "rad": "an angle", "m": "a length", "N": "a force", "N*m": "a torque"}
+_NAMES = {
+    "s": "a time",
+    "rad": "an angle",
+    "m": "a length",
+    "N": "a force",
+    "N*m": "a torque",
+    "m/s^2": "an acceleration",
+}
 
 
 class UnitError(ValueError):
@@ -13,11 +20,17 @@ class UnitError(ValueError):
 
 
 def si_unit(column: str, slides: Sequence[bool]) -> str:
-    """The SI unit of a column of `robot.csv` ("" for `sync`); `slides`: which joints are prismatic."""
+    """The SI unit of a column of `robot.csv`, or of `acc_x, acc_y` ("" for `sync`).
+
+    Args:
+        slides: which joints are prismatic.
+    """
     if column == "t":
         return "s"
     if column == "sync":
         return ""
+    if column.startswith("acc_"):
+        return "m/s^2"
     for kind, turning, sliding in (("theta", "rad", "m"), ("tau", "N*m", "N")):
         if column.startswith(kind):
             return sliding if slides[int(column.removeprefix(kind)) - 1] else turning
@@ -37,6 +50,8 @@ def factor_to_si(unit: str, target: str) -> float:
         factor = float(one.to(target or "dimensionless").magnitude)
         is_angle = str(one.to_root_units().units) == "radian"
     except pint.DimensionalityError:
+        if unit == "g" and target == "m/s^2":
+            raise UnitError('unit "g" is the gram; write "standard_gravity" for 9.80665 m/s^2') from None
         raise UnitError(f'unit "{unit}" has another dimension; {wanted}') from None
     except Exception:  # the unit parser raises whatever its tokenizer stumbles over
         raise UnitError(f'unit "{unit[:40]}" is not known; {wanted}') from None
