@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from impid_host.errors import UndeterminedError
 from impid_host.impedance.campaign import default_chain
 from impid_host.impedance.force import compare_forces
 from impid_host.impedance.identify import RobotParameters, identify_robot, robot_equation
@@ -113,7 +114,10 @@ def judge(data: Path, case: Case, chain: Chain, *, physical: bool = False) -> di
     structure = textbook(study)
     started = time.perf_counter()
     trials = [align(trial, study.setup, structure.model, chain) for trial in study.trials]
-    fit = identify_robot(trials, structure, chain, split)
+    try:
+        fit = identify_robot(trials, structure, chain, split)
+    except UndeterminedError as error:
+        return {"cutoff_Hz": chain.finish.cutoff_hz if chain.finish else None, "refused": str(error)}
     seconds = time.perf_counter() - started
     judged = [
         align(trial, other.setup, structure.model, chain)
@@ -184,10 +188,10 @@ def leg(data: Path) -> list[dict[str, Any]]:
     return out
 
 
-def bands(study: Study) -> list[Chain]:
+def bands(study: Study, wanted: Sequence[float]) -> list[Chain]:
     """The default one and those asked for that the log's rate carries."""
     step = float(np.median(np.diff(study.trials[0].robot.t)))
-    return [default_chain(study), *(DEFAULT.with_cutoff(hz) for hz in BANDS_HZ if hz < 0.4 / step)]
+    return [default_chain(study), *(DEFAULT.with_cutoff(hz) for hz in wanted if hz < 0.4 / step)]
 
 
 def page(results: dict[str, list[dict[str, Any]]], forces: list[dict[str, Any]]) -> str:
@@ -195,6 +199,9 @@ def page(results: dict[str, list[dict[str, Any]]], forces: list[dict[str, Any]])
     rows = []
     for title, entries in results.items():
         for k, entry in enumerate(entries):
+            if "refused" in entry:
+                rows.append([title if k == 0 else "", f"{entry['cutoff_Hz']:g}", "too few rows", "", "", ""])
+                continue
             possible = entry.get("possible_inertias")
             rows.append(
                 [
@@ -233,12 +240,13 @@ def main() -> None:
     default = Path(os.environ.get("IMPID_DATA", CHECKOUT.parent / "shared" / "data"))
     parser.add_argument("--data", type=Path, default=default)
     parser.add_argument("--out", type=Path, default=CHECKOUT / "docs" / "validation")
+    parser.add_argument("--bands", type=float, nargs="+", default=BANDS_HZ, metavar="HZ")
     arguments = parser.parse_args()
     if not (arguments.data / "emps").is_dir():
         raise SystemExit(f"measured data not found at {arguments.data}; set IMPID_DATA (docs/data.md)")
     results = {}
     for case in CASES:
-        chains = bands(load(arguments.data, case, case.learned))
+        chains = bands(load(arguments.data, case, case.learned), arguments.bands)
         results[case.title] = [
             judge(arguments.data, case, chain, physical=case.physical and k == 0)
             for k, chain in enumerate(chains)
