@@ -13,11 +13,8 @@ from impid_host.errors import UndeterminedError
 from impid_host.impedance.rows import finish
 from impid_host.signals.align import AlignedTrial
 from impid_host.signals.arrays import Floats, Mask
+from impid_host.signals.band import RESTS
 from impid_host.signals.chain import Chain
-
-# Of the quickest joint's rms velocity (1 m/s counted as 1 rad/s). Below it a joint's own friction and inertia
-# are smaller than what any model of the others leaves over.
-_RESTS = 0.01
 
 
 def moving_joints(
@@ -33,7 +30,7 @@ def moving_joints(
     speeds = np.array([_speed(trial, chain) for trial in trials])
     if not speeds.max() > 0:
         raise UndeterminedError("no joint moves in these trials")
-    rests = speeds < _RESTS * speeds.max()
+    rests = speeds < RESTS * speeds.max()
     moving = tuple(int(joint) for joint in np.flatnonzero(~rests.all(axis=0)))
     return moving, [_still(trial, rest) for trial, rest in zip(trials, rests, strict=True)]
 

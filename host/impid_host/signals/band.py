@@ -8,6 +8,9 @@ from scipy import signal
 from impid_host.signals.arrays import Floats
 from impid_host.signals.chain import PUBLISHED_CUTOFF_HZ, Chain
 
+# A joint rests below this share of the quickest joint's rms velocity (1 m/s counted as 1 rad/s): its own
+# friction and inertia are then smaller than what any model of the others leaves over.
+RESTS = 0.01
 _MOST_OF_SPEED = 0.99  # of its power
 _HARMONICS = 2.0  # products of two signals of a band reach twice as far
 _WIDEST_HZ = 50.0
@@ -17,7 +20,7 @@ _WINDOW_S = 8.0
 
 
 def motion_band_hz(t: Floats, theta: Floats) -> float:
-    """Frequency below which 99 % of the velocity's power lies, of the quickest joint.
+    """Frequency below which 99 % of the velocity's power lies, the widest of the joints that move.
 
     Noise of the encoders, even in the angle and so growing in the velocity, is taken off first.
 
@@ -26,16 +29,18 @@ def motion_band_hz(t: Floats, theta: Floats) -> float:
     """
     rate = 1 / float(np.median(np.diff(t)))
     uniform = np.arange(t[0], t[-1], 1 / rate)
-    bands = []
+    bands, speeds = [], []
     for joint in theta.T:
         speed = np.gradient(np.interp(uniform, t, joint)) * rate
         frequency, power = signal.welch(
             speed, rate, nperseg=min(len(speed), int(_WINDOW_S * rate)), detrend=False
         )
         power = np.maximum(power - _noise(frequency, power, min(_HIGHEST_HZ, 0.4 * rate)), 0.0)
+        speeds.append(float(np.sqrt(power.sum())))
         share = np.cumsum(power) / max(float(power.sum()), 1e-300)
         bands.append(float(frequency[np.argmax(share >= _MOST_OF_SPEED)]))
-    return max(bands)
+    moving = [band for band, speed in zip(bands, speeds, strict=True) if speed >= RESTS * max(speeds)]
+    return max(moving)
 
 
 def _noise(frequency: Floats, power: Floats, highest: float) -> Floats:

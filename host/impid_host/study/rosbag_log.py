@@ -7,6 +7,7 @@ where a driver leaves that empty, the time of recording.
 """
 
 from collections import Counter
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +18,7 @@ from impid_host.errors import InputError
 from impid_host.study.notices import notice
 
 _TYPE = "sensor_msgs/msg/JointState"
+_NO_EFFORT = "the driver leaves effort empty in some messages, so there are no torques"
 _FIELDS = ("position", "velocity", "effort")
 
 
@@ -56,6 +58,12 @@ class RosbagLog:
 
     def row(self, index: int) -> int:
         return index + 1
+
+    def broken(self) -> Mapping[int, InputError]:
+        return {}
+
+    def hint(self) -> str:
+        return "" if any(name.split("/")[-1].startswith("effort.") for name in self._columns) else _NO_EFFORT
 
 
 def _joint_states(path: Path) -> dict[str, dict[str, NDArray[np.float64]]]:

@@ -32,6 +32,12 @@ def test_a_quick_motion_is_followed_whatever_the_encoders_noise(noise: float) ->
     assert chain.edge_s == pytest.approx(4.5 / chain.finish.cutoff_hz)
 
 
+def test_a_joint_that_trembles_does_not_count() -> None:
+    t, angle = sines(np.array([0.5, 1.0]), 0.1)
+    tremble = 1e-6 * np.sin(2 * np.pi * 30 * t)
+    assert motion_band_hz(t, np.stack([angle, tremble], axis=1)) == pytest.approx(1.0, abs=0.3)
+
+
 def test_no_cut_off_is_wider_than_the_filters_ahead() -> None:
     chain = following(DEFAULT, [45.0])
     assert isinstance(chain.finish, ZeroPhaseLowPass)
