@@ -178,7 +178,7 @@ def _used(
     places, parts = [], []
     for first, block in blocks:
         own = block[:, channel]
-        alive = np.flatnonzero(np.any(own != 0, axis=0))
+        alive = np.flatnonzero(own.any(axis=0))
         if len(alive):
             places.append(first + alive)
             parts.append(own[:, alive])

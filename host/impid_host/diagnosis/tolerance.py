@@ -29,7 +29,12 @@ NOISE, LENGTHS = "noise", "link lengths"
 
 
 def with_tolerance(
-    stage: Stage, fit: Refit, base: Base, holdout: Holdout, prior: Sequence[float] | None, tolerance: Tolerance
+    stage: Stage,
+    fit: Refit,
+    base: Base,
+    holdout: Holdout,
+    prior: Sequence[float] | None,
+    tolerance: Tolerance,
 ) -> Stage:
     """The stage with intervals of alpha, M, B and K that hold the tolerances, and what each cause adds.
 

@@ -39,6 +39,13 @@ _WIDTHS = (0.01, 0.02, 0.04, 0.08, 0.16, 0.32)  # of the range: friction that is
 
 def direction(view: View, joint: int, bend: float = 0.0) -> Floats:
     """Direction of motion, (N,); with `bend`, as a contact shows it that bends so far before it slides."""
+    name = ("direction", joint, bend)
+    if name not in view.memo:
+        view.memo[name] = _direction(view, joint, bend)
+    return view.memo[name]
+
+
+def _direction(view: View, joint: int, bend: float) -> Floats:
     if bend > 0.0:
         theta, omega, acc = (values[:, joint] for values in (view.theta, view.omega, view.acc))
         # Four instants within each sample, so that a reversal between two keeps its time.
