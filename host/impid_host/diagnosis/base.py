@@ -82,9 +82,7 @@ class Base:
         response = respond(view)
         torque = response["torque"]
         alpha = value[: self.robot]
-        return replace(
-            view, torque_model=torque, x0=x0, K=K, respond=respond, response=response, alpha=alpha
-        )
+        return replace(view, torque_model=torque, x0=x0, K=K, respond=respond, response=response, alpha=alpha)
 
 
 def equilibrium(load: LoadModel, value: Floats) -> tuple[Floats, Floats]:

@@ -233,6 +233,12 @@ def mapped(runs: Sequence[Run], change: Callable[[Run, Floats], Floats]) -> list
             lost = len(run.target) - len(Z)
             begin = run.begin_s + lost * run.step_s
             result.append(
-                replace(run, begin_s=begin, target=Z[:, 0], base=Z[:, 1 : 1 + p], design=Z[:, 1 + p :].astype(np.float32))
+                replace(
+                    run,
+                    begin_s=begin,
+                    target=Z[:, 0],
+                    base=Z[:, 1 : 1 + p],
+                    design=Z[:, 1 + p :].astype(np.float32),
+                )
             )
     return result

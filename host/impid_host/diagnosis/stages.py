@@ -68,7 +68,9 @@ def grouped(chosen: Sequence[Chosen]) -> list[list[int]]:
         for group in groups:
             first = chosen[group[0]].term
             places = {name for j in group for name in chosen[j].term.where}
-            alike = (first.effect, first.when) == (term.effect, term.when) and _same_form(chosen[group[0]], part)
+            alike = (first.effect, first.when) == (term.effect, term.when) and _same_form(
+                chosen[group[0]], part
+            )
             if alike and term.named and not places & set(term.where) and not term.own:
                 group.append(k)
                 break
