@@ -14,9 +14,13 @@ GAUSS = 1e4
 Signal = Callable[[np.random.Generator, np.ndarray], np.ndarray]
 
 
-def term(effect: str, *where: str, size: int = 1, shapes: Sequence[float] = (0.0,), **changes: object) -> Term:
+def term(
+    effect: str, *where: str, size: int = 1, shapes: Sequence[float] = (0.0,), **changes: object
+) -> Term:
     """A term of that name; its columns are the rows' business."""
-    plain = Term(effect, where, lambda _view, _shape: {}, lambda _beta, _shape: {}, size=size, shapes=tuple(shapes))
+    plain = Term(
+        effect, where, lambda _view, _shape: {}, lambda _beta, _shape: {}, size=size, shapes=tuple(shapes)
+    )
     return replace(plain, **changes)  # type: ignore[arg-type]
 
 

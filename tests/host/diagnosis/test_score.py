@@ -48,7 +48,18 @@ def test_references_always_take_part() -> None:
     table = rows.table(target)
     runs = rows.runs(table.slots, target)
     none = np.zeros(0, dtype=np.intp)
-    said = Run("", REFERENCE, 0, "fit", 0.0, 0.0, np.array([3000.0]), np.array([[1000.0, 0.0]]), none, np.zeros((1, 0)))
+    said = Run(
+        "",
+        REFERENCE,
+        0,
+        "fit",
+        0.0,
+        0.0,
+        np.array([3000.0]),
+        np.array([[1000.0, 0.0]]),
+        none,
+        np.zeros((1, 0)),
+    )
     noise = table.noise
     noise.tails[REFERENCE, 0] = 1e4  # type: ignore[index]
     other = table_of([*runs, said], table.slots, noise, table.make)
