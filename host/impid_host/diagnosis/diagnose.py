@@ -77,7 +77,15 @@ def diagnose(study: Study, progress: Progress = silent) -> Diagnosis:
         above_noise_floor=above,
         structure=(*left, *odd_structures(case.oddities)),
         ambiguous=verdict.ties,
-        verdict=sentence(stages, floor, verdict.ties, left, above, units={}, widened=bool(above and left)),
+        verdict=sentence(
+            stages,
+            floor,
+            verdict.ties,
+            left,
+            above,
+            units=dict.fromkeys(stages[0].rms, "N") if all(case.base.model.prismatic) else {},
+            widened=bool(above and left),
+        ),
         notes=tuple(notes),
     )
 
