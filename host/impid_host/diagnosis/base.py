@@ -52,7 +52,7 @@ class Base:
 
     def columns(self, view: View) -> Columns:
         """tau = Y alpha + J^T A lambda, and -F of a force sensor = A lambda: family -> (N, c, size)."""
-        Y = replace(self.structure, model=view.model).regressor(view.theta, view.omega, view.acc)
+        Y = replace(self.structure, model=view.model).regressor(view.theta, view.omega, view.acc, view.dt)
         torque = np.zeros((*Y.shape[:2], self.size))
         if not self.bare:
             torque[:, :, : Y.shape[2]] = Y
@@ -115,9 +115,17 @@ TEXTBOOK = ("friction.coulomb", "actuator.offset")
 """What a textbook's model holds beside inertia, gravity and viscous friction, per joint."""
 
 
+def textbook_structure(model: RobotModel) -> RobotStructure:
+    """Inertia, gravity, viscous and dry friction, offset, per joint.
+
+    An arm's setup says which way it is pulled; a single joint's does not, so its weight stands there always.
+    """
+    return replace(robot_structure(model, TEXTBOOK), gravity=model.task_is_rotary)
+
+
 def structure_of(setup: Setup, model: RobotModel) -> RobotStructure:
     """The robot's model that a diagnosis starts from."""
-    return robot_structure(model, TEXTBOOK if baseline(setup, model) == "textbook" else ())
+    return textbook_structure(model) if baseline(setup, model) == "textbook" else robot_structure(model)
 
 
 def targets(view: View) -> Mapping[str, Floats]:

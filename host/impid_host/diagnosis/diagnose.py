@@ -73,6 +73,7 @@ def diagnose(study: Study, progress: Progress = silent) -> Diagnosis:
         told=told,
         traces=traces(bench, bench.fit([]), last),
         prismatic=all(case.base.model.prismatic),
+        textbook=bench.textbook(stages[0]),
         share_unexplained=share_unexplained(stages[0].rms, stages[-1].rms, floor),
         above_noise_floor=above,
         structure=(*left, *odd_structures(case.oddities)),

@@ -247,12 +247,6 @@ def along(column: Floats, axis: int, axes: int = 2) -> Floats:
     return force
 
 
-def sign_mean(omega: Floats, acc: Floats, dt: float) -> Floats:
-    """sign(omega) averaged over the sample, so that a reversal between two instants keeps its time."""
-    reach = np.maximum(0.5 * dt * np.abs(acc), 1e-12)
-    return np.clip(omega / reach, -1.0, 1.0)
-
-
 def amplitude_phase(c: float, s: float) -> tuple[float, float]:
     """c cos(u) + s sin(u) = amplitude * sin(u + phase)."""
     return float(np.hypot(c, s)), float(np.arctan2(c, s))

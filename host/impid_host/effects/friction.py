@@ -20,10 +20,10 @@ from impid_host.effects.effect import (
     in_some_trials,
     joint_name,
     on_joint,
-    sign_mean,
 )
 from impid_host.effects.view import Columns, View
 from impid_host.signals.arrays import Floats
+from impid_host.signals.direction import sign_mean
 
 _SOURCE = "Armstrong-Helouvry et al. 1994"
 _BENDS = (
