@@ -1,4 +1,5 @@
-"""Measure a human arm's mechanical impedance without a force sensor: read a study, check it, fit it, diagnose it.
+"""Measure a human arm's mechanical impedance without a force sensor: read a study, check it, fit it,
+diagnose it.
 
     >>> import impid_host as impid
     >>> impid.read_study("no/such/study")

@@ -1,4 +1,4 @@
-"""The front door of impid for Python: a study in, a frozen result out that can be printed, written and tabulated."""
+"""The front door of impid for Python: a study in, a frozen result out, to print, write and tabulate."""
 
 import html
 from collections.abc import Iterator, Mapping

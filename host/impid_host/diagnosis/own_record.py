@@ -46,7 +46,8 @@ def refitted(
         fixed: effects that went along.
 
     Returns:
-        value, the effects with their values, without those that move no torque, and what was fitted, in words.
+        value, the effects with their values, without those that move no torque, and what was fitted, in
+        words.
     """
     held = _constants(base)
     present = list(own)

@@ -38,7 +38,8 @@ class Refit:
         chosen: with their values.
         covariance: (k, k) of all effects' parameters in order, see parameters.vector_of.
         base: value of the robot's and the loads' parameters, (b,).
-        deviance: -2 log likelihood with each channel's noise level its own, in the units of the logs as they were
+        deviance: -2 log likelihood with each channel's noise level its own, in the units of the logs as
+        they were
             measured, up to a constant.
     """
 
@@ -205,7 +206,7 @@ def _triangle(design: Floats, target: Floats) -> tuple[Floats, Floats]:
 
 
 def _solved(rows: _Rows) -> tuple[Floats, Floats, Floats]:
-    """Step of the effects' parameters (k,), their covariance (k, k) with robot and loads free, base value (b,)."""
+    """Step of the effects (k,), their covariance (k, k) with robot and loads free, base value (b,)."""
     J = np.hstack([rows.base, rows.slopes])
     size = np.linalg.norm(J, axis=0)
     size = np.where(size > 0, size, 1.0)

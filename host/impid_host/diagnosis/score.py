@@ -62,7 +62,7 @@ def difference(one: Explanation, other: Explanation) -> Difference:
 
 
 class Scorer:
-    """Scores sets of terms on one table's rows; what was summed for a term is kept for the next set that holds it."""
+    """Scores sets of terms on one table's rows; the sums of a term are kept for the next set with it."""
 
     def __init__(self, table: Table) -> None:
         self._units = table.units
@@ -153,7 +153,7 @@ def _sums(table: Table, left: Callable[[Run], Floats], slot: int) -> Floats:
 
 
 def _solutions(grams: Floats) -> Floats:
-    """Least-squares coefficients of each Gram matrix (B, m, m), first row and column the target's, (B, m - 1)."""
+    """Coefficients by each Gram matrix (B, m, m), first row and column the target's, (B, m - 1)."""
     A, b = grams[:, 1:, 1:].copy(), grams[:, 1:, :1]
     if A.shape[1] == 0:
         return np.zeros((len(A), 0))

@@ -82,7 +82,8 @@ def search(
     """Search from the base model with the `given` slots, which stay in whatever happens.
 
     Args:
-        sometimes: there are free and loaded trials, so that an effect of the machine may be in some of them only.
+        sometimes: there are free and loaded trials, so that an effect of the machine may be in some of
+        them only.
     """
     walk = Walk(table, tuple(given), rules, sometimes=sometimes)
     beam = [walk.score(())]

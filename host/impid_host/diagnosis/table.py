@@ -187,7 +187,7 @@ class Swept:
         return float(self.G[0, 0] - self.W[:, 0] @ self.W[:, 0])
 
     def drop(self, columns: slice) -> float:
-        """Drop of the residual sum of squares by further columns; what the others span already is left out."""
+        """Drop of the residual sum of squares by further columns, without what the others span."""
         index = np.arange(columns.start, columns.stop) + 1
         W, own = self.W[:, index], self.G[np.ix_(index, index)]
         A, b = own - W.T @ W, self.G[index, 0] - W.T @ self.W[:, 0]

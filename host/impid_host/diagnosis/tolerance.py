@@ -1,7 +1,9 @@
 """What the tolerances of declared constants leave open in a load's matrices, beside the noise.
 
-A link length enters every force and acceleration; its tolerance ([tolerance] in setup.toml, one standard deviation) is
-carried through the whole fit by a finite difference. What scales all torques alike is no interval but an assumption:
+A link length enters every force and acceleration; its tolerance ([tolerance] in setup.toml, one standard
+deviation) is
+carried through the whole fit by a finite difference. What scales all torques alike is no interval but an
+assumption:
 M, B and K scale with the torque constants unless a weighed payload or a force sensor confirms them.
 """
 

@@ -92,7 +92,7 @@ def _largest(before: Number, after: Number) -> tuple[float, str, float, float] |
 
 
 def beside_checks(words: str, checks: Checks) -> str:
-    """The sentence, headed by what makes the study not to be trusted: nothing is complete beside a contradiction."""
+    """The sentence, headed by what makes the study not to be trusted."""
     worst = next((own for own in checks.entries if own.verdict != "suspect"), None)
     if worst is None:
         return words

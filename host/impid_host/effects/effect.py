@@ -118,7 +118,8 @@ class Term:
         variant: what tells terms of one name and place apart.
         units: of the reported parameters, where they differ from the catalogue's.
         undo: takes the effect out of a trial exactly, where subtracting its columns would not.
-        stretch: beta -> by family and channel, the factor by which `undo` scales what was measured, noise and all;
+        stretch: beta -> by family and channel, the factor by which `undo` scales what was measured, noise
+        and all;
             fits that undo different things are compared in the units of the log.
         by_model: its columns follow the present model, which follows its parameters in turn.
         fine: the shape is too fine to be reported, but its neglect would bias the others.

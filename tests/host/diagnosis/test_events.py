@@ -12,9 +12,7 @@ from impid_host.effects.view import View
 STEP = 0.05
 
 
-def study(
-    seed: int, power, speed=lambda t: np.ones_like(t)
-) -> tuple[list[Run], list[np.ndarray], list[View]]:
+def study(seed: int, power, speed=np.ones_like) -> tuple[list[Run], list[np.ndarray], list[View]]:
     """Two trials of 40 s; `power` of the innovations at each instant of the first one."""
     rng = np.random.default_rng(seed)
     t = np.arange(0.0, 40.0, STEP)

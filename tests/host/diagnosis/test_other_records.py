@@ -26,7 +26,7 @@ def run(*arguments: object) -> Result:
 def axis(
     name: str, *, amplitude: float = 0.1, hz: float = 0.8, offset: float = OFFSET, tone: float = 0.0
 ) -> Study:
-    """A sliding axis in closed form: x = a sin wt, F = M x'' + Fv x' + Fc sign x' + offset + a tone at 30 Hz."""
+    """A sliding axis, x = a sin wt: F = M x'' + Fv x' + Fc sign x' + offset + a tone at 30 Hz."""
     t = np.arange(0.0, 20.0, 1e-3)
     w = 2 * np.pi * hz
     x, v, a = amplitude * np.sin(w * t), amplitude * w * np.cos(w * t), -amplitude * w**2 * np.sin(w * t)
@@ -87,7 +87,8 @@ def test_the_error_is_what_the_model_lacks(tmp_path: Path) -> None:
     assert [band.cutoff_hz for band in answer.bands] == [4.5, 20.0, 50.0]
     wide = answer.bands[2].channels["tau1"]
     assert rms(answer, 2, 0) == pytest.approx(np.hypot(DRY, OFFSET), rel=0.02)
-    # Below 4.5 Hz the square wave keeps its first and third harmonic, 4/pi and 4/(3 pi), at 0.8 and 2.4 Hz, and of
+    # Below 4.5 Hz the square wave keeps its first and third harmonic, 4/pi and 4/(3 pi), at 0.8 and 2.4
+    # Hz, and of
     # the fifth, at 4.0 Hz, what the fifth-order filter lets pass twice.
     passed = 1 / (1 + (4.0 / 4.5) ** 10)
     low = DRY * 4 / np.pi * np.array([1.0, 1 / 3, passed / 5])
@@ -227,7 +228,7 @@ MAPPINGS = Path(__file__).resolve().parents[3] / "docs" / "mappings"
 
 @pytest.mark.measured
 def test_a_repeated_motion_of_a_whole_arm_by_the_textbook_alone(measured_data: Path, tmp_path: Path) -> None:
-    """LWR4: two records of one motion; what the textbook leaves on the second is near what repeating leaves."""
+    """LWR4: two records of one motion; the textbook leaves on the second about what repeating leaves."""
     for number in (1, 2):
         log = measured_data / "kuka_lwr4" / f"measurements_{number}.parquet"
         mapping = MAPPINGS / "kuka_lwr4.toml"
@@ -238,7 +239,8 @@ def test_a_repeated_motion_of_a_whole_arm_by_the_textbook_alone(measured_data: P
     assert result.exit_code in (0, 3), result.output
     channels = json.loads(out.read_text())["bands"][0]["channels"]
     assert [f"tau{k}" for k in range(1, 8)] == list(channels)
-    # 25.2 and 10.7 N m rms carry the arm's weight; the repository's own model leaves 1.55 and 0.98 N m on the first.
+    # 25.2 and 10.7 N m rms carry the arm's weight; the repository's own model leaves 1.55 and 0.98 N m on
+    # the first.
     assert channels["tau2"]["textbook"]["rms"] < 1.55
     assert channels["tau4"]["textbook"]["rms"] < 0.98
     assert channels["tau2"]["textbook"]["rms"] <= channels["tau2"]["stages"][0]["rms"]

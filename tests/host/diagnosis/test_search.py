@@ -39,7 +39,7 @@ def test_a_sparse_truth_is_found_and_nothing_else(seed: int) -> None:
 
 
 def test_what_is_too_small_to_matter_is_not_named() -> None:
-    """A tenth of the noise's sd in 8,000 rows is nine standard errors, and one percent of a row's variance."""
+    """A tenth of the noise's sd in 8,000 rows: nine standard errors, one percent of a row's variance."""
     rows = Rows(MANY, trials=20)
     table = rows.table(rows.target({"friction.coulomb@joint1": 0.1}))
     assert not search(table).best.slots
