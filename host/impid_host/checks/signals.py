@@ -286,8 +286,8 @@ def unbroken(log: RobotLog) -> RobotLog:
     longest = int(np.argmax(np.diff(edges)))
     part = slice(int(edges[longest]), int(edges[longest + 1]))
     names = ("t", "theta", "tau", "force", "perturbation", "sync")
-    columns = {name: getattr(log, name) for name in names}
-    return RobotLog(**{name: None if c is None else c[part] for name, c in columns.items()})
+    columns = {name: own for name in names if (own := getattr(log, name)) is not None}
+    return replace(log, **{name: own[part] for name, own in columns.items()})
 
 
 def _onto(t: Floats, values: Floats, grid: Floats) -> Floats:

@@ -201,7 +201,7 @@ def _base_value(rows: _Rows) -> tuple[Floats, float]:
 def _triangle(design: Floats, target: Floats) -> tuple[Floats, Floats]:
     """R (k, k) and Q^T target (k,) of the design's QR decomposition, without Q."""
     k = design.shape[1]
-    whole = np.linalg.qr(np.column_stack([design, target]), mode="r")
+    whole: Floats = np.asarray(np.linalg.qr(np.column_stack([design, target]), mode="r"), dtype=np.float64)
     return whole[:k, :k], whole[:k, k]
 
 

@@ -156,10 +156,10 @@ def units_of(runs: Sequence[Run]) -> Units:
         for other in (number - 1, number + 1):
             if (trial, other) in numbers:
                 near[place, numbers[trial, other]] = 1.0
-    number = np.array(block, dtype=np.intp)
-    order = np.argsort(number, kind="stable")
-    starts = np.searchsorted(number[order], np.arange(len(numbers)))
-    return Units(number, np.array(rows), tuple(key), near, order, starts, tuple(edges))
+    of_block = np.array(block, dtype=np.intp)
+    order = np.argsort(of_block, kind="stable")
+    starts = np.searchsorted(of_block[order], np.arange(len(numbers)))
+    return Units(of_block, np.array(rows), tuple(key), near, order, starts, tuple(edges))
 
 
 def residuals(table: Table, columns: Index) -> list[Floats]:

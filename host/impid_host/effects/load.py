@@ -400,7 +400,7 @@ EFFECTS = (
     ),
     Effect(
         "load.time_varying",
-        "-F_ext += u(t) K_change K (x - x0), or u(t) K (x - x0), u(t) B x'; u from -1/2 to 1/2 over the trial",
+        "-F_ext += u(t) K_change K (x - x0), or u(t) K (x - x0), u(t) B x'; u from -1/2 to 1/2 in the trial",
         "load",
         (
             Parameter("K_change", "1", -1.9, 1.9),
