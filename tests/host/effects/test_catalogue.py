@@ -182,7 +182,7 @@ def test_a_muscle_is_critically_damped() -> None:
 
 
 def test_bands_of_a_response_add_up_to_the_signal() -> None:
-    """In phase they sum to what lies between the outer nodes; a quarter turn late, to its Hilbert transform."""
+    """In phase they sum to what lies between the outer nodes; a quarter turn late, to its quadrature."""
     t = np.arange(0.0, 40.0, 4e-3)
     window = np.hanning(len(t))
     wave = window * np.sin(2 * np.pi * 1.1 * t)
