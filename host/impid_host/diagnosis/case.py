@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from impid_host.diagnosis.base import Base, base_of, structure_of
+from impid_host.diagnosis.base import Base, base_of, lacking, structure_of
 from impid_host.diagnosis.holdout import Holdout, hold_out
 from impid_host.diagnosis.noise import Noise, noise_models, tail_of, whitened
 from impid_host.diagnosis.oddities import Oddity
@@ -90,7 +90,7 @@ def informed(parts: Sequence[View], base: Base, holdout: Holdout) -> list[View]:
 def tabulated(case: Case, noise: Noise | None = None, progress: Progress = silent) -> Table:
     """Every term's columns on the fit part, whitened by the given noise models or by those found here."""
     used = case.fit_views
-    slots = slots_of([*terms(case.setting), *structures(used, case.setting)])
+    slots = slots_of([*lacking(case.base, terms(case.setting)), *structures(used, case.setting)])
     raw = _evaluated(case, used, slots, progress)
     rows = sum(len(run.target) for run in raw if run.key == ("torque", 0))
     taps = (

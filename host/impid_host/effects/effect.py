@@ -87,6 +87,21 @@ class Setting:
     referenced: bool
     duration_s: float
 
+    def at_ranges(self, other: "Ranges") -> "Setting":
+        """The same apparatus, moved as in another record: terms whose forms follow the motion are that record's."""
+        return replace(
+            self,
+            span=np.array(other.span),
+            speed=np.array(other.speed),
+            reach=other.reach,
+            duration_s=other.duration_s,
+        )
+
+    @property
+    def ranges(self) -> "Ranges":
+        """How far and fast the motion went."""
+        return Ranges(tuple(self.span.tolist()), tuple(self.speed.tolist()), self.reach, self.duration_s)
+
     @property
     def loads(self) -> tuple[str, ...]:
         """Names of all loads."""
@@ -96,6 +111,16 @@ class Setting:
     def both(self) -> bool:
         """There are free and loaded trials, so that an effect may be in some of them only."""
         return bool(self.loaded) and len(self.loaded) < len(self.trials)
+
+
+@dataclass(frozen=True, slots=True)
+class Ranges:
+    """How far and fast the motion of a record went: what some terms take their forms from; see Setting."""
+
+    span: tuple[float, ...]
+    speed: tuple[float, ...]
+    reach: float
+    duration_s: float
 
 
 def no_gate(_beta: Floats, _shape: float) -> bool:
