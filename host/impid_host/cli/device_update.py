@@ -6,14 +6,14 @@ from pathlib import Path
 import click
 from rich.progress import Progress
 
-from impid_host.cli.link_options import Command, address_of, link_options
+from impid_host.cli.link_options import address_of, link_options
 from impid_host.link.board_info import build_name
 from impid_host.link.client import BoardClient
 from impid_host.link.update import read_firmware
 from impid_host.link.update import update as send
 
 
-@click.command(cls=Command)
+@click.command()
 @link_options
 @click.argument("firmware", type=click.Path(path_type=Path))
 def update(*, port: str | None, can: str | None, baud: int | None, firmware: Path) -> None:
