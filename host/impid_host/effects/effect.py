@@ -88,7 +88,7 @@ class Setting:
     duration_s: float
 
     def at_ranges(self, other: "Ranges") -> "Setting":
-        """The same apparatus, moved as in another record: terms whose forms follow the motion are that record's."""
+        """The same apparatus, moved as in another record: terms that follow the motion are that record's."""
         return replace(
             self,
             span=np.array(other.span),
