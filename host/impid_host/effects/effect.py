@@ -144,8 +144,9 @@ class Term:
         units: of the reported parameters, where they differ from the catalogue's.
         undo: takes the effect out of a trial exactly, where subtracting its columns would not.
         stretch: beta -> by family and channel, the factor by which `undo` scales what was measured, noise
-        and all;
-            fits that undo different things are compared in the units of the log.
+        and all.
+        forward: what the effect adds to the model's prediction, exactly, where its columns do to first order.
+        moves: `undo` changes the motion, not what was measured: the prediction has it already.
         by_model: its columns follow the present model, which follows its parameters in turn.
         fine: the shape is too fine to be reported, but its neglect would bias the others.
         own: trials or loads that have a value each, in the order of the blocks of beta; empty where one is
@@ -166,6 +167,8 @@ class Term:
     units: Mapping[str, str] = field(default_factory=dict)
     undo: Undo | None = None
     stretch: Callable[[Floats], Mapping[tuple[str, int], float]] | None = None
+    forward: Callable[[View, Floats], Columns] | None = None
+    moves: bool = False
     by_model: bool = False
     fine: bool = False
     own: tuple[str, ...] = ()
