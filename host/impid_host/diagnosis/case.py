@@ -20,6 +20,7 @@ from impid_host.effects.response import is_response
 from impid_host.effects.structure import structures
 from impid_host.effects.view import View
 from impid_host.errors import UndeterminedError
+from impid_host.impedance.linear import ROWS_PER_PARAMETER
 from impid_host.robot.model import robot_model
 from impid_host.signals.arrays import Floats
 from impid_host.study.model import Study
@@ -74,7 +75,7 @@ def informed(parts: Sequence[View], base: Base, holdout: Holdout) -> list[View]:
     """
     runs = [run for view in parts for run in rows_of(view, base, [], holdout)]
     used = [run for run in runs if run.family in ("torque", "force")]
-    if sum(len(run.target) for run in used) < 5 * base.size:
+    if sum(len(run.target) for run in used) < ROWS_PER_PARAMETER * base.size:
         raise UndeterminedError("too little is left between gaps and filter edges; record longer trials")
     power: dict[Key, list[Floats]] = {}
     for run in used:
