@@ -118,11 +118,15 @@ def main() -> None:
         models.mkdir(parents=True, exist_ok=True)
         for key in wanted:
             result["records"][key] = entry_of(BY_KEY[key], BY_KEY[key].study(data), models)
-        result["judged"] |= crossings(
-            data, [key for key in BY_KEY if (models / f"{key}.json").is_file()], models
-        )
-    store.write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
-    (options.out / "measured.md").write_text(page(result), encoding="utf-8")
+            write(result, options.out)
+        result["judged"] |= crossings(data, list(result["records"]), models)
+    write(result, options.out)
+
+
+def write(result: Json, out: Path) -> None:
+    """Both files, after every record: a stopped run loses nothing."""
+    (out / "measured.json").write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
+    (out / "measured.md").write_text(page(result), encoding="utf-8")
 
 
 if __name__ == "__main__":
