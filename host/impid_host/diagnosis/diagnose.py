@@ -18,7 +18,7 @@ from impid_host.diagnosis.refit import Refit
 from impid_host.diagnosis.result import Chosen, Diagnosis, Evidence, Floor, Stage, Structure
 from impid_host.diagnosis.stages import Bench, named_stages, unattributed
 from impid_host.diagnosis.ties import chosen_slots
-from impid_host.diagnosis.tolerance import with_tolerance
+from impid_host.diagnosis.tolerance import in_words, with_tolerance
 from impid_host.diagnosis.traces import traces
 from impid_host.diagnosis.verdict import sentence
 from impid_host.effects.bounds import possible
@@ -63,7 +63,7 @@ def diagnose(study: Study, progress: Progress = silent) -> Diagnosis:
     above = above_floor(stages[-1], floor, left)
     if above and (left or choice.rejected):
         stages = (*stages[:-1], widened(stages[-1], floor))
-    notes = notes_of(choice, last, study)
+    notes = [*notes_of(choice, last, study), *in_words(stages[-1])]
     return Diagnosis(
         study=study.name,
         baseline=baseline(study.setup, case.base.model),
