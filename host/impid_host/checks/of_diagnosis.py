@@ -23,8 +23,12 @@ def beside_diagnosis(study: Study, answer: Diagnosis, before: Checks) -> Checks:
     last = gate_diagnosis(study, answer)
     named = any(s.added is not None and s.added.effect != UNATTRIBUTED for s in answer.stages)
     explained = named and answer.above_noise_floor is not True and last.trusted
-    kept = [own for own in before if not (explained and own.what.startswith(_OF_RESULTS))]
-    return Checks.of(kept).with_more(last)
+    return (of_input(before) if explained else before).with_more(last)
+
+
+def of_input(before: Checks) -> Checks:
+    """Without what was said of the first model's numbers, where another model takes its place."""
+    return Checks.of(own for own in before if not own.what.startswith(_OF_RESULTS))
 
 
 def gate_diagnosis(study: Study, answer: Diagnosis) -> Checks:
