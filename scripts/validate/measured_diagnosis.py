@@ -126,7 +126,7 @@ def main() -> None:
 def write(result: Json, out: Path) -> None:
     """Both files, after every record: a stopped run loses nothing."""
     (out / "measured.json").write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
-    (out / "measured.md").write_text(page(result), encoding="utf-8")
+    (out / "measured.md").write_text(page(result, list(BY_KEY)), encoding="utf-8")
 
 
 if __name__ == "__main__":
