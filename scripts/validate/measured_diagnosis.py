@@ -11,7 +11,6 @@ import argparse
 import json
 import tempfile
 import time
-from collections.abc import Sequence
 from dataclasses import asdict
 from itertools import permutations
 from pathlib import Path
@@ -81,10 +80,10 @@ def judged(model: Path, study: Study, *, refit_record: bool) -> Json:
     }
 
 
-def crossings(data: Path, keys: Sequence[str], models: Path) -> dict[str, Json]:
+def crossings(data: Path, models: Path) -> dict[str, Json]:
     """Every model on every other record of its machine, with what is the record's own left out and fitted anew."""
     result: dict[str, Json] = {}
-    for one, other in permutations(keys, 2):
+    for one, other in permutations(BY_KEY, 2):
         if BY_KEY[one].machine != BY_KEY[other].machine or not (models / f"{one}.json").is_file():
             continue
         study = BY_KEY[other].study(data)
@@ -119,7 +118,7 @@ def main() -> None:
         for key in wanted:
             result["records"][key] = entry_of(BY_KEY[key], BY_KEY[key].study(data), models)
             write(result, options.out)
-        result["judged"] |= crossings(data, list(result["records"]), models)
+        result["judged"] |= crossings(data, models)
     write(result, options.out)
 
 
