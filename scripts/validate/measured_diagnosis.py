@@ -104,14 +104,17 @@ def main() -> None:
     parser.add_argument("--data", type=Path)
     parser.add_argument("--out", type=Path, default=Path("docs/validation"))
     parser.add_argument("--models", type=Path, help="Keep the saved models in this folder.")
-    parser.add_argument("--only", nargs="+", choices=list(BY_KEY), help="Diagnose these records alone.")
+    parser.add_argument("--only", nargs="*", help="Diagnose these records alone.")
     options = parser.parse_args()
+    unknown = set(options.only or ()) - set(BY_KEY)
+    if unknown:
+        parser.error(f"no record {', '.join(sorted(unknown))}; there are {', '.join(BY_KEY)}")
     data = data_folder(options.data)
     store = options.out / "measured.json"
     result: Json = {"records": {}, "judged": {}}
-    if options.only and store.is_file():
+    if options.only is not None and store.is_file():
         result = json.loads(store.read_text(encoding="utf-8"))
-    wanted = options.only or [record.key for record in RECORDS]
+    wanted = [record.key for record in RECORDS] if options.only is None else options.only
     with tempfile.TemporaryDirectory() as scratch:
         models = options.models or Path(scratch)
         models.mkdir(parents=True, exist_ok=True)

@@ -296,5 +296,5 @@ def _parameters(added: Json | None) -> str:
     return "; ".join(words)
 
 
-def _digits(value: object) -> str:
+def _digits(value: float | list[float]) -> str:
     return ", ".join(f"{v:.3g}" for v in np.ravel(value))
