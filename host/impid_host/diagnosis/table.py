@@ -217,9 +217,8 @@ def swept(G: Floats, columns: Index) -> Swept:
 
 
 def _sizes(A: Floats) -> Floats:
-    """Norms of the columns; infinite where the model held all of one, so that only rounding is left of it."""
-    power = np.diag(A)
-    return np.sqrt(np.where(power > 1e-300, power, np.inf))
+    """Norms of the columns; bounded from below, so that one of which only rounding is left overflows nothing."""
+    return np.asarray(np.sqrt(np.maximum(np.diag(A), 1e-200)))
 
 
 def solve(G: Floats, columns: Index) -> tuple[Floats, float]:
