@@ -22,6 +22,11 @@ ADC_IRQ = 18
 TRIGGERS = {8: "TIM3"}  # EXTSEL 1000: TIM3_TRGO (13.6)
 SIMULTANEOUS = 6  # MULTI 00110: regular simultaneous mode only (13.13.16)
 DMA_MODE_2 = 2
+CCR_DDS, TSVREFE = 1 << 13, 1 << 23
+INTERNAL_CHANNELS = (17, 18)  # reference and temperature sensor, behind TSVREFE (13.10)
+INTERNAL_SAMPLING_S = (
+    10e-6  # data sheet, embedded reference voltage and temperature sensor: shortest sampling
+)
 
 Source = Callable[[int], int]
 
@@ -52,8 +57,12 @@ class Converter(Peripheral):
 
     def conversion_cycles(self) -> int:
         """Sampling plus conversion, in cycles of the ADC clock (13.5)."""
+        return self.sample_cycles() + CONVERSION_CYCLES
+
+    def sample_cycles(self) -> int:
+        """Sampling alone, at whose end the voltage is held (13.5)."""
         register, place = ("SMPR1", self.channel - 10) if self.channel >= 10 else ("SMPR2", self.channel)
-        return SAMPLE_CYCLES[self.value[register] >> 3 * place & 7] + CONVERSION_CYCLES
+        return SAMPLE_CYCLES[self.value[register] >> 3 * place & 7]
 
     def write_sr(self, value: int) -> None:
         """Flags are cleared by writing zeros."""
@@ -75,6 +84,8 @@ class Converter(Peripheral):
         if edges and (edges != 1 or selection not in TRIGGERS):
             raise self.unmodelled("write", "CR2", 0x08, value & 0x3F00_0000)
         was_on = self.value["CR2"] & ADON
+        if not value & DMA:
+            self.pair.allow_requests()
         self.value["CR2"] = value & ~SWSTART
         if value & SWSTART:
             if not was_on:
@@ -104,6 +115,7 @@ class AdcPair(Peripheral):
         self.source: Source = lambda _channel: 0
         self._busy_until = -1
         self._overrun = False
+        self._requests_over = False  # the DMA's last transfer has been, and DDS is 0
 
     def read(self, offset: int, size: int) -> int:
         """ADC1 from 0x000, ADC2 from 0x100, common registers from 0x300."""
@@ -136,6 +148,25 @@ class AdcPair(Peripheral):
         if value & 0x1F not in (0, SIMULTANEOUS) or value >> 14 & 3 not in (0, DMA_MODE_2):
             raise self.unmodelled("write", "CCR", 0x304, value)
         self.value["CCR"] = value
+        if not value >> 14 & 3:
+            self.allow_requests()
+
+    def allow_requests(self) -> None:
+        """DMA switched off: when it comes on again, requests begin anew (13.8.1)."""
+        self._requests_over = False
+
+    def held_after_s(self, channel: int) -> float:
+        """From the trigger to the instant whose voltage counts: the end of sampling, in seconds."""
+        unit = self.adc1 if channel == self.adc1.channel else self.adc2
+        return unit.sample_cycles() * self.clock_divider / self.soc.schedule.frequency
+
+    def _check_internal(self, unit: Converter) -> None:
+        if unit.channel not in INTERNAL_CHANNELS:
+            return
+        if not self.value["CCR"] & TSVREFE:
+            raise self.violation(f"internal channel {unit.channel} converted while TSVREFE is 0", "13.10")
+        if self.held_after_s(unit.channel) < INTERNAL_SAMPLING_S:
+            raise self.violation(f"internal channel {unit.channel} sampled for less than 10 us", "13.10")
 
     def next_trigger(self) -> int | None:
         """The cycle at which the timer will trigger the next conversion, if it runs."""
@@ -161,6 +192,7 @@ class AdcPair(Peripheral):
         length = master.conversion_cycles()
         if both and length != self.adc2.conversion_cycles():
             raise self.violation("simultaneous conversions of different length", "13.9.2")
+        self._check_internal(master)
         self._busy_until = now + length * self.clock_divider
         master.value["SR"] |= STRT
         first = self.source(master.channel)
@@ -171,7 +203,7 @@ class AdcPair(Peripheral):
         """Results, EOC, DMA request; a result that was not fetched in time is an overrun (13.8.2)."""
         uses_dma = (
             bool(self.value["CCR"] >> 14 & 3) if second is not None else bool(master.value["CR2"] & DMA)
-        )
+        ) and not self._requests_over
         if (uses_dma or master.value["CR2"] & EOCS) and master.value["SR"] & EOC:
             master.value["SR"] |= OVR
             self._overrun = uses_dma
@@ -186,8 +218,13 @@ class AdcPair(Peripheral):
             self.adc2.value["SR"] |= EOC
             self.value["CDR"] = second << 16 | first
         if uses_dma:
-            self.soc.dma_request("ADC1")
+            self._request(self.value["CCR"] & CCR_DDS if second is not None else master.value["CR2"] & DDS)
         self.update_line()
+
+    def _request(self, endless: int) -> None:
+        """After the DMA's last transfer, circular or not, a converter without DDS asks no more (13.8.1)."""
+        if self.soc.dma_request("ADC1") and not endless and self.soc.dma_block_ended("ADC1"):
+            self._requests_over = True
 
     def read_csr(self) -> int:
         """Copies of both status registers."""

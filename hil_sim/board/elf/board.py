@@ -1,9 +1,10 @@
 """The shipping binary behind the same protocol as the native core.
 
-The emulated chip is wired as firmware/boards/nucleo_f446re/README.md says. A row of `run` is a millisecond
-of the world: what the converters see at eight instants 125 us apart, and where the encoders are at the last
-of them. Rows are laid on the chip's own trigger grid at its first conversion; between ticks encoders move
-linearly, and they rest for 1 us around each tick, so a latch that is later than that shows in the samples.
+The emulated chip is wired as `wiring` says, by default as firmware/boards/nucleo_f446re/README.md does. A row
+of `run` is a millisecond of the world: what the converters see at eight instants 125 us apart, and where the
+encoders are at the last of them. Rows are laid on the chip's own trigger grid at its first conversion; between
+ticks encoders move linearly, and they rest for 1 us around each tick, so a latch that is later than that shows
+in the samples. So do the voltages between conversions: one held more than 1 us after its trigger is another one.
 """
 
 from pathlib import Path
@@ -17,21 +18,19 @@ from hil_sim.board.elf.image import flash
 from hil_sim.board.elf.memory import Memory
 from hil_sim.board.elf.signature import VREFINT_CAL
 from hil_sim.board.elf.soc import Soc
+from hil_sim.board.elf.wiring import NUCLEO, Wiring
 from hil_sim.board.native import TICK_US, BoardConfig
 
 CONVERSIONS = 8
 TRIGGER_S = 125e-6
 TICK_S = 1e-3
 REST_TICKS = 1e-3  # 1 us, in ticks
+REST_TRIGGERS = 1e-6 / TRIGGER_S  # 1 us, in trigger periods
 BOOT_STEP_S = 50e-6
 BOOT_LIMIT_S = 20.0
 SERIAL_BAUD = 921600
 FRAME_BITS = 10
 VREFINT_CHANNEL = 17
-AXIS_OF_CHANNEL = {10: 0, 11: 1}
-SELF_TEST = ("B", 5)
-ENCODER_FAULT = ("B", 10)
-SYNC = ("B", 6)
 SYNC_PULSE_S = 50e-6
 ENCODERS = (("TIM2", 0), ("TIM5", 1))
 FAULT_ENCODER, FAULT_SYNC, FAULT_LATE, FAULT_STALLED = 1, 2, 4, 8
@@ -39,7 +38,7 @@ BUS_OFF_ERRORS = 32  # transmissions that fail with a bit error: 8 each, 256 is 
 
 
 class ElfBoard:
-    """A Nucleo-F446RE in this process, running a binary; implements `Board`.
+    """A board with an STM32F446RE in this process, running a binary; implements `Board`.
 
     After a reset (RESET command, watchdog) the chip waits, `reset_requested` stays true, and `reboot` lets it
     boot again with the memory that it had.
@@ -48,13 +47,21 @@ class ElfBoard:
         image: the ELF file, or the memory of a chip that has run before (its settings are kept).
         config: of BoardConfig only the unique identity applies; the rest is the binary's own business.
         hse_present: the external clock runs.
+        wiring: what is connected to the chip.
     """
 
     def __init__(
-        self, image: Path | Memory, config: BoardConfig | None = None, hse_present: bool = True
+        self,
+        image: Path | Memory,
+        config: BoardConfig | None = None,
+        hse_present: bool = True,
+        wiring: Wiring = NUCLEO,
     ) -> None:
         memory = flash(image) if isinstance(image, Path) else image
-        self.soc = Soc(memory, (config or BoardConfig()).uid, hse_present)
+        uid = (config or BoardConfig()).uid
+        self.wiring = wiring
+        self.soc = Soc(memory, uid, hse_present, hse_bypass=wiring.hse_bypass)
+        self.soc.wired = wiring.signals
         self._adc: list[list[list[int]]]  # (n, 8, 2), of the rows that run; lists, as they are read singly
         self._encoder: NDArray[np.int64]  # (n + 1, 2), unwrapped: the row before, then those that run
         self._counts: list[list[int]]  # the same, (2, n + 1)
@@ -93,23 +100,30 @@ class ElfBoard:
         for name, axis in ENCODERS:
             timer = self.soc.timers[name]
             timer.position = lambda axis=axis, name=name: self._position(axis, name)
-        for port, pin in (ENCODER_FAULT, ("A", 8)):
+        for port, pin in self.wiring.encoder_faults:
             self.soc.gpio[port].drive(pin, True)
         self.soc.can1.sent.clear()
 
     def _analog(self, channel: int) -> int:
         if channel == VREFINT_CHANNEL:
             return VREFINT_CAL
-        if channel not in AXIS_OF_CHANNEL:
+        if channel not in self.wiring.axes:
             raise EmulatorError(f"nothing is wired to ADC channel {channel}")
         if not self.soc.analog_input(channel):
             raise EmulatorError(f"the pin of ADC channel {channel} is not in analogue mode")
-        conversion = round((self.soc.schedule.seconds() - self._first_trigger_s) / TRIGGER_S)
+        axis = self.wiring.axes.index(channel)
+        held = self.soc.schedule.seconds() + self.soc.adc.held_after_s(channel)
+        place = (held - self._first_trigger_s) / TRIGGER_S
+        conversion = round(place)
+        if abs(place - conversion) <= REST_TRIGGERS:
+            return self._code(conversion, axis)
+        before, after = self._code(int(place), axis), self._code(int(place) + 1, axis)
+        return before + round((place - int(place)) * (after - before))
+
+    def _code(self, conversion: int, axis: int) -> int:
         row, step = divmod(conversion, CONVERSIONS)
         row -= self._first_row
-        if not 0 <= row < len(self._adc):
-            return 0  # while the chip boots
-        return self._adc[row][step][AXIS_OF_CHANNEL[channel]]
+        return self._adc[row][step][axis] if 0 <= row < len(self._adc) else 0  # 0 while the chip boots
 
     def _set_encoders(self, rows: NDArray[np.int64]) -> None:
         self._encoder = rows
@@ -149,7 +163,8 @@ class ElfBoard:
     @property
     def self_test_pin(self) -> bool:
         """The accelerometer's self-test input is driven."""
-        return self.soc.gpio[SELF_TEST[0]].level(SELF_TEST[1])
+        port, pin = self.wiring.self_test
+        return self.soc.gpio[port].level(pin)
 
     @property
     def reset_requested(self) -> bool:
@@ -191,12 +206,12 @@ class ElfBoard:
 
     def _inject(self, bits: int) -> None:
         soc = self.soc
-        soc.gpio[ENCODER_FAULT[0]].drive(ENCODER_FAULT[1], not bits & FAULT_ENCODER)
+        port, pin = self.wiring.encoder_faults[0]
+        soc.gpio[port].drive(pin, not bits & FAULT_ENCODER)
         soc.thread_held = bool(bits & FAULT_STALLED)
         if bits & FAULT_SYNC and soc.routed("TIM4_CH1"):
             timer = soc.timers["TIM4"]
-            soc.schedule.after_seconds(TICK_S / 2, lambda: timer.edge(1, True))
-            soc.schedule.after_seconds(TICK_S / 2 + SYNC_PULSE_S, lambda: timer.edge(1, False))
+            soc.schedule.after_seconds(TICK_S / 2, lambda: timer.pulse(1, SYNC_PULSE_S))
         if bits & FAULT_LATE:
             soc.interrupts_held = True
             soc.schedule.after_seconds(2.2 * TICK_S, self._release_interrupts)

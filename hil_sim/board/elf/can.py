@@ -93,7 +93,11 @@ class Can(Peripheral):
     def write_mcr(self, value: int) -> None:
         """Requests for initialisation and sleep; normal mode is entered after 11 recessive bits (30.4.2)."""
         old, self.value["MCR"] = self.value["MCR"], value
-        if value & INRQ:
+        if value & SLEEP and value & INRQ:
+            # Sleep is left by clearing SLEEP alone (30.4.3): no INAK. Of other modes the manual says nothing.
+            if not self.value["MSR"] & SLAK:
+                raise self.unmodelled("INRQ with SLEEP", "MCR", 0, value)
+        elif value & INRQ:
             self.value["MSR"] = self.value["MSR"] & ~SLAK | INAK
         elif value & SLEEP:
             self.value["MSR"] = self.value["MSR"] & ~INAK | SLAK

@@ -17,7 +17,7 @@ from unicorn.unicorn_py3 import unicorn as binding
 
 from hil_sim._block_clock import ffi, lib
 from hil_sim.board.elf.errors import CpuFault, EmulatorError
-from hil_sim.board.elf.memory import FLASH_BASE, FLASH_SIZE, RAM_BASE, Memory
+from hil_sim.board.elf.memory import FLASH_BASE, FLASH_SIZE, RAM_BASE, SECTORS, Memory
 
 unicorn: Any = unicorn_package  # its own annotations cover half of it
 
@@ -37,6 +37,7 @@ CONTROL_SPSEL = 1 << 1
 XPSR_ALIGNED = 1 << 9
 WFI = b"\x30\xbf"
 NO_WATCH = 256
+READ_EXECUTE = unicorn.UC_PROT_READ | unicorn.UC_PROT_EXEC
 
 MmioRead = Callable[[int, int], int]
 MmioWrite = Callable[[int, int, int], None]
@@ -60,6 +61,7 @@ class Cpu:
         self.memory = memory
         self._error: Exception | None = None
         self._exit: int | None = None
+        self._unreadable: set[int] = set()
         self.clock = ffi.new("block_clock *")
         self._map_memory()
         self._start_clock()
@@ -68,9 +70,8 @@ class Cpu:
 
     def _map_memory(self) -> None:
         memory, uc = self.memory, self._uc
-        uc.mem_map_ptr(
-            FLASH_BASE, FLASH_SIZE, unicorn.UC_PROT_READ | unicorn.UC_PROT_EXEC, memory.flash_address
-        )
+        for offset, size in SECTORS:  # a region each: what may be read is decided by sectors
+            uc.mem_map_ptr(FLASH_BASE + offset, size, READ_EXECUTE, memory.flash_address + offset)
         uc.mem_map_ptr(RAM_BASE, len(memory.ram), unicorn.UC_PROT_ALL, memory.ram_address)
 
     def _start_clock(self) -> None:
@@ -125,6 +126,27 @@ class Cpu:
             return True
 
         self._uc.hook_add(unicorn.UC_HOOK_MEM_WRITE_PROT, on_write)
+
+    def on_unreadable(self, refuse: Callable[[int], None]) -> None:
+        """Calls a function when the processor reads where `set_unreadable` forbids it, or may not."""
+
+        def on_read(_uc: object, _access: int, address: int, _size: int, _value: int, _user: object) -> bool:
+            try:
+                refuse(address)
+            except Exception as error:
+                self._keep(error)
+                return False
+            return True
+
+        self._uc.hook_add(unicorn.UC_HOOK_MEM_READ_PROT, on_read)
+
+    def set_unreadable(self, sectors: set[int]) -> None:
+        """These sectors of the flash may not be read, the others may. While the processor stands still."""
+        for sector in sectors ^ self._unreadable:
+            offset, size = SECTORS[sector]
+            allowed = unicorn.UC_PROT_EXEC if sector in sectors else READ_EXECUTE
+            self._uc.mem_protect(FLASH_BASE + offset, size, allowed)
+        self._unreadable = set(sectors)
 
     def _keep(self, error: Exception) -> None:
         self._error = self._error or error

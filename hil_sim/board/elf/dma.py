@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 EN, TEIE, HTIE, TCIE, CIRC, MINC, DBM, CT = 1, 1 << 2, 1 << 3, 1 << 4, 1 << 8, 1 << 10, 1 << 18, 1 << 19
 TEIF, HTIF, TCIF = 1 << 3, 1 << 4, 1 << 5
 STREAMS = 8
+NOWHERE = 0x6000_0000  # an address without memory
 FLAG_SHIFT = (0, 6, 16, 22)  # of streams 0 to 3 in LISR, and of 4 to 7 in HISR (9.5.1)
 FLAG_MASK = 0x0F7D_0F7D
 # Request mapping (9.3.3, tables of DMA1 and DMA2): (controller, stream, channel) of each source used.
@@ -40,7 +41,9 @@ class Stream:
         self._total = 0
         self._size = 1
         self._offset = 0
+        self.failing = False
         self._bank: Peripheral = controller
+        self.block_ended = False  # the last item moved was the last of NDTR
 
     @property
     def enabled(self) -> bool:
@@ -87,7 +90,7 @@ class Stream:
     def transfer(self) -> None:
         """Moves one item."""
         cr, size = self.value["CR"], self._size
-        memory = self.value["M1AR" if cr & DBM and cr & CT else "M0AR"]
+        memory = NOWHERE if self.failing else self.value["M1AR" if cr & DBM and cr & CT else "M0AR"]
         if cr & MINC:
             memory += (self._total - self.value["NDTR"]) * size
         ram = self.controller.soc.memory
@@ -105,6 +108,7 @@ class Stream:
     def _advance(self) -> None:
         left = self.value["NDTR"] - 1
         self.value["NDTR"] = left
+        self.block_ended = left == 0
         if left == self._total // 2:
             self.set_flags(HTIF)
         if left == 0:
@@ -177,6 +181,10 @@ class Dma(Peripheral):
             return False
         chosen.transfer()
         return True
+
+    def fail(self, stream: int) -> None:
+        """The next transfer of a stream ends in a bus error (9.3.18)."""
+        self.streams[stream].failing = True
 
     def _flags(self, first: int) -> int:
         return sum(self.streams[first + index].flags << shift for index, shift in enumerate(FLAG_SHIFT))

@@ -53,13 +53,22 @@ PINS = {
     "CAN1_RX": (("B", 8, 9), ("A", 11, 9)),
     "CAN1_TX": (("B", 9, 9), ("A", 12, 9)),
 }
-ANALOG_PINS = {10: ("C", 0), 11: ("C", 1)}  # ADC123_IN10, ADC123_IN11
+# ADC12_IN0 to ADC12_IN15 (data sheet, pin definitions).
+ANALOG_PINS = {
+    **{n: ("A", n) for n in range(8)}, 8: ("B", 0), 9: ("B", 1), **{10 + n: ("C", n) for n in range(6)}
+}  # fmt: skip
 
 
 class Soc:
     """A chip with a program in its flash.
 
     `memory` outlives a reset, as the hardware's does; everything else starts anew.
+
+    Args:
+        hse_bypass: what drives the oscillator's pin: a clock signal, which needs HSEBYP (True), a crystal,
+            which needs it off (False), or whichever of the two the program asks for (None).
+
+    `wired` names the pin of each signal that the world is connected to; others come over any of their pins.
     """
 
     def __init__(
@@ -68,10 +77,13 @@ class Soc:
         uid: tuple[int, int, int] = (1, 2, 3),
         hse_present: bool = True,
         reset_cause: str = "power",
+        hse_bypass: bool | None = None,
     ) -> None:
         self.memory = memory
         self.uid = uid
         self.hse_present = hse_present
+        self.hse_bypass = hse_bypass
+        self.wired: dict[str, tuple[str, int]] = {}
         self.cpu = Cpu(memory)
         self.clock = self.cpu.clock
         self.schedule = Schedule(HSI_HZ)
@@ -89,6 +101,7 @@ class Soc:
         self.cpu.map_peripherals(SYSTEM_MEMORY, 0x1000, self._cpu_read, self._cpu_write)
         self.cpu.map_peripherals(SCS_BASE, 0x1000, self._cpu_read, self._cpu_write)
         self.cpu.on_flash_write(self._program)
+        self.cpu.on_unreadable(self._unreadable)
 
     def _build(self, reset_cause: str) -> None:
         """Every peripheral in its reset state, then the processor out of reset."""
@@ -176,6 +189,9 @@ class Soc:
     def _program(self, address: int, size: int, value: int) -> None:
         self.flash.program(address, size, value)
 
+    def _unreadable(self, address: int) -> None:
+        self.flash.refuse_stale_read(address)
+
     def _catch_up(self) -> None:
         """What is due before this access has happened before it."""
         self.schedule.fire(self.clock.cycles)
@@ -201,6 +217,11 @@ class Soc:
         name, stream, channel = dma_model.REQUESTS[source]
         return self.dmas[name].request(stream, channel)
 
+    def dma_block_ended(self, source: str) -> bool:
+        """The last item that the source's stream moved was the last of its block."""
+        name, stream, _ = dma_model.REQUESTS[source]
+        return self.dmas[name].streams[stream].block_ended
+
     def on_dma_start(self, source: str, resume: Callable[[], None]) -> None:
         """A source that keeps asking until its stream is enabled."""
         self._dma_resume.append((source, resume))
@@ -209,7 +230,11 @@ class Soc:
         """A pin is switched to the signal."""
         known = self._routes.get(signal)
         if known is None:
-            known = any(self.gpio[port].alternate(pin) == function for port, pin, function in PINS[signal])
+            known = any(
+                self.gpio[port].alternate(pin) == function
+                for port, pin, function in PINS[signal]
+                if self.wired.get(signal, (port, pin)) == (port, pin)
+            )
             self._routes[signal] = known
         return known
 
@@ -289,6 +314,7 @@ class Soc:
                 stop = self.cpu.run(deadline)
             finally:
                 self.flash.settle()
+                self.cpu.set_unreadable(self.flash.stale)
             self.schedule.fire(clock.cycles)
             if stop is Stop.EXCEPTION_RETURN:
                 self._return()

@@ -27,6 +27,11 @@ INTERNAL_TRIGGERS = {
     "TIM5": ("TIM2", "TIM3", "TIM4", "TIM8"),
     "TIM12": ("TIM4", "TIM5", "TIM13", "TIM14"),
 }
+# Input filter (17.4.7, ICxF): cycles between readings, and readings that must agree.
+FILTERS = (
+    (1, 0), (1, 2), (1, 4), (1, 8), (2, 6), (2, 8), (4, 6), (4, 8),
+    (8, 6), (8, 8), (16, 5), (16, 6), (16, 8), (32, 5), (32, 6), (32, 8),
+)  # fmt: skip
 # Counting direction against encoder signals (17.3.12): rising TI1 while TI2 is low counts up, and so on.
 # Key: (input whose edge it is, its new level, level of the other input).
 DIRECTION = {
@@ -186,6 +191,18 @@ class Timer(Peripheral):
             self._encoder_edge(channel, rising)
         elif direct and rising != falling_selected:
             self._capture(channel)
+
+    def filter_seconds(self, channel: int) -> float:
+        """Pulses shorter than this do not pass the input's filter (17.3.6)."""
+        between, readings = FILTERS[self.value["CCMR1"] >> (4 if channel == 1 else 12) & 15]
+        cycles = between * readings * self.soc.rcc.timer_divider(1)
+        return cycles / self.soc.schedule.frequency
+
+    def pulse(self, channel: int, seconds: float) -> None:
+        """A high pulse on TI1 or TI2, from now on; nothing if the filter swallows it."""
+        if seconds > self.filter_seconds(channel):
+            self.edge(channel, True)
+            self.soc.schedule.after_seconds(seconds, lambda: self.edge(channel, False))
 
     # --- encoder interface (17.3.12) ----------------------------------------------------------------
 

@@ -69,7 +69,7 @@ class Usart(Peripheral):
     def _load(self) -> None:
         """Moves DR into the shift register; TXE comes with it."""
         byte, self._holding = self._holding, None
-        self.value["SR"] = self.value["SR"] & ~TC | TXE
+        self.value["SR"] |= TXE
         if byte is None:
             raise self.violation("nothing to shift", "25.4.2")
         self._shifting = True
@@ -133,7 +133,7 @@ class Usart(Peripheral):
     # --- registers ----------------------------------------------------------------------------------
 
     def read_sr(self) -> int:
-        """First half of the sequence that clears IDLE and ORE."""
+        """First half of the sequences that clear IDLE, ORE and TC."""
         self._status_read = True
         return self.value["SR"]
 
@@ -158,7 +158,8 @@ class Usart(Peripheral):
         if self._holding is not None:
             raise self.violation("DR overwritten before it was sent", "25.4.2")
         self._holding = value & 0xFF
-        self.value["SR"] &= ~(TXE | TC)
+        self.value["SR"] &= ~(TXE | (TC if self._status_read else 0))  # SR, then DR, clears TC (25.6.1)
+        self._status_read = False
         if not self._shifting:
             self._load()
         self.update_line()
