@@ -1,10 +1,11 @@
 """The shipping binary behind the same protocol as the native core.
 
-The emulated chip is wired as `wiring` says, by default as firmware/boards/nucleo_f446re/README.md does. A row
-of `run` is a millisecond of the world: what the converters see at eight instants 125 us apart, and where the
-encoders are at the last of them. Rows are laid on the chip's own trigger grid at its first conversion; between
-ticks encoders move linearly, and they rest for 1 us around each tick, so a latch that is later than that shows
-in the samples. So do the voltages between conversions: one held more than 1 us after its trigger is another one.
+The emulated chip is wired as `wiring` says, by default as firmware/boards/nucleo_f446re/README.md does. A
+row of `run` is a millisecond of the world: what the converters see at eight instants 125 us apart, and
+where the encoders are at the last of them. Rows are laid on the chip's own trigger grid at its first
+conversion; between ticks encoders move linearly, and they rest for 1 us around each tick, so a latch that
+is later than that shows in the samples. So do the voltages between conversions: one held more than 1 us
+after its trigger is another one.
 """
 
 from pathlib import Path
