@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil_sim.board.elf.can_frame import Frame
+from hil_sim.board.elf.chip import CData, ffi, lib
 from hil_sim.board.elf.errors import EmulatorError
 from hil_sim.board.elf.image import flash
 from hil_sim.board.elf.memory import Memory
@@ -22,11 +23,9 @@ from hil_sim.board.elf.soc import Soc
 from hil_sim.board.elf.wiring import NUCLEO, Wiring
 from hil_sim.board.native import TICK_US, BoardConfig
 
-CONVERSIONS = 8
+CONVERSIONS = 8  # as world.c has them, with the two periods
 TRIGGER_S = 125e-6
 TICK_S = 1e-3
-REST_TICKS = 1e-3  # 1 us, in ticks
-REST_TRIGGERS = 1e-6 / TRIGGER_S  # 1 us, in trigger periods
 BOOT_STEP_S = 50e-6
 BOOT_LIMIT_S = 20.0
 SERIAL_BAUD = 921600
@@ -63,13 +62,12 @@ class ElfBoard:
         self.wiring = wiring
         self.soc = Soc(memory, uid, hse_present, hse_bypass=wiring.hse_bypass)
         self.soc.wired = wiring.signals
-        self._adc: list[list[list[int]]]  # (n, 8, 2), of the rows that run; lists, as they are read singly
+        self._world: CData = ffi.new("world *")
+        self._world.channels = wiring.axes
+        self.soc.chip.world = self._world
+        self._adc: NDArray[np.uint16]  # (n, 8, 2), of the rows that run
         self._encoder: NDArray[np.int64]  # (n + 1, 2), unwrapped: the row before, then those that run
-        self._counts: list[list[int]]  # the same, (2, n + 1)
-        self._first_row: int  # of those that run
         self._rows: int  # since boot
-        self._converting: bool
-        self._first_trigger_s = 0.0  # of row 0
         self.soc.stop_at_reset = True
         self.reboot()
 
@@ -79,10 +77,9 @@ class ElfBoard:
         Raises:
             EmulatorError: the binary starts no conversion.
         """
-        self._converting = False
-        self._rows = self._first_row = 0
-        self._adc = []
-        self._set_encoders(np.zeros((1, 2), np.int64))
+        self._world.converting = 0
+        self._rows = 0
+        self._show(np.zeros((0, CONVERSIONS, 2), np.uint16), np.zeros((1, 2), np.int64))
         self._connect()
         self.soc.in_reset = False
         limit = self.soc.schedule.seconds() + BOOT_LIMIT_S
@@ -91,7 +88,7 @@ class ElfBoard:
                 raise EmulatorError(f"the binary starts no conversion within {BOOT_LIMIT_S:g} s of its boot")
             self.soc.run_for(BOOT_STEP_S)
         self._first_trigger_s = self.soc.schedule.cycle_seconds(trigger)
-        self._converting = True
+        self._world.converting = 1
 
     # --- the world at the pins ----------------------------------------------------------------------
 
@@ -100,50 +97,41 @@ class ElfBoard:
         self.soc.adc.source = self._analog
         for name, axis in ENCODERS:
             timer = self.soc.timers[name]
-            timer.position = lambda axis=axis, name=name: self._position(axis, name)
+            timer.follow_world(axis, lambda axis=axis, name=name: self._position(axis, name))
         for port, pin in self.wiring.encoder_faults:
             self.soc.gpio[port].drive(pin, True)
         self.soc.can1.sent.clear()
 
     def _analog(self, channel: int) -> int:
+        """What the world does not put on a channel itself."""
         if channel == VREFINT_CHANNEL:
             return VREFINT_CAL
         if channel not in self.wiring.axes:
             raise EmulatorError(f"nothing is wired to ADC channel {channel}")
-        if not self.soc.analog_input(channel):
-            raise EmulatorError(f"the pin of ADC channel {channel} is not in analogue mode")
-        axis = self.wiring.axes.index(channel)
-        held = self.soc.schedule.seconds() + self.soc.adc.held_after_s(channel)
-        place = (held - self._first_trigger_s) / TRIGGER_S
-        conversion = round(place)
-        if abs(place - conversion) <= REST_TRIGGERS:
-            return self._code(conversion, axis)
-        before, after = self._code(int(place), axis), self._code(int(place) + 1, axis)
-        return before + round((place - int(place)) * (after - before))
+        raise EmulatorError(f"the pin of ADC channel {channel} is not in analogue mode")
 
-    def _code(self, conversion: int, axis: int) -> int:
-        row, step = divmod(conversion, CONVERSIONS)
-        row -= self._first_row
-        return self._adc[row][step][axis] if 0 <= row < len(self._adc) else 0  # 0 while the chip boots
+    @property
+    def _first_trigger_s(self) -> float:
+        """Of row 0."""
+        return float(self._world.first_trigger_s)
 
-    def _set_encoders(self, rows: NDArray[np.int64]) -> None:
-        self._encoder = rows
-        self._counts = rows.T.tolist()
+    @_first_trigger_s.setter
+    def _first_trigger_s(self, seconds: float) -> None:
+        self._world.first_trigger_s = seconds
+
+    def _show(self, adc: NDArray[np.uint16], encoder: NDArray[np.int64]) -> None:
+        """Rows of the world, from the next one on; encoder has the row before them too."""
+        self._adc, self._encoder = np.ascontiguousarray(adc), np.ascontiguousarray(encoder)
+        self._world.codes = ffi.cast("uint16_t *", self._adc.ctypes.data)
+        self._world.counts = ffi.cast("int64_t *", self._encoder.ctypes.data)
+        self._world.rows, self._world.first_row = len(adc), self._rows
 
     def _position(self, axis: int, timer: str) -> int:
         """Counts of an encoder now; 0 while the chip boots, which is where its counters start."""
         routed = self.soc.routed
-        if not (self._converting and routed(timer + "_CH1") and routed(timer + "_CH2")):
+        if not (self._world.converting and routed(timer + "_CH1") and routed(timer + "_CH2")):
             return 0
-        since = self.soc.schedule.seconds() - self._first_trigger_s - (CONVERSIONS - 1) * TRIGGER_S
-        place = since / TICK_S - self._first_row + 1  # index into self._encoder
-        nearest = round(place)
-        rows = self._counts[axis]
-        if abs(place - nearest) <= REST_TICKS:
-            return rows[min(max(nearest, 0), len(rows) - 1)]
-        low = min(max(int(place), 0), len(rows) - 2)
-        share = min(max(place - low, 0.0), 1.0)
-        return rows[low] + round(share * (rows[low + 1] - rows[low]))
+        return int(lib.world_position(self._world, self.soc.schedule.seconds(), axis))
 
     # --- Board --------------------------------------------------------------------------------------
 
@@ -187,15 +175,14 @@ class ElfBoard:
             np.int32
         )  # wraps with the counters
         moved = np.vstack([np.zeros((1, 2), np.int64), np.cumsum(steps.astype(np.int64), axis=0)])
-        self._set_encoders(self._encoder[-1] + moved)
-        self._adc = np.asarray(adc).tolist()
-        self._first_row = self._rows
+        first = self._rows
+        self._show(np.asarray(adc, np.uint16), self._encoder[-1] + moved)
         if faults is not None and np.any(faults):
             for row, bits in enumerate(faults):
-                self._rows = self._first_row + row
+                self._rows = first + row
                 self._inject(int(bits))
                 self._run_to_row(self._rows + 1)
-        self._run_to_row(self._first_row + len(counts))
+        self._run_to_row(first + len(counts))
 
     def _row_end_s(self, row: int) -> float:
         """When a row's last conversion, plus nearly one trigger period, is over."""

@@ -75,6 +75,7 @@ class Flash(Peripheral):
             raise self.violation("a cache was reset while it is enabled", "3.8.1")
         if value & DCRST:
             self.stale.clear()
+            self.soc.flash_touched()
         self.value["ACR"] = value
 
     def read_keyr(self) -> int:
@@ -118,6 +119,7 @@ class Flash(Peripheral):
         self._finish(kept < size)
         if self.value["ACR"] & DCEN:
             self.stale.add(sector)
+            self.soc.flash_touched()
         self.soc.stall(ERASE_S[size // 1024][min(parallelism, 2)])
 
     def _spend(self, size: int) -> int:
