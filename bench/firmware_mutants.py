@@ -22,7 +22,7 @@ from firmware_mutation.mutants import Mutant, MutantError, Workshop, mutants
 from hil_sim.board.elf.wiring import CUSTOM, NUCLEO
 
 WIRINGS = {"nucleo": NUCLEO, "custom": CUSTOM}
-LIMIT_S = 180  # a binary that keeps the emulator busy for longer does not do its work
+LIMIT_S = 90  # a binary that keeps the emulator busy for longer does not do its work
 REQUIRED = 0.95
 
 

@@ -16,7 +16,7 @@ from hil_sim.board.wire import FrameReader, samples
 
 Check = Callable[[Path, Wiring], None]
 SYNC_EDGE, ENCODER_FAULT = 2, 1
-STREAM_TICKS = 400
+STREAM_TICKS = 400  # half of them over CAN: the low byte of an index does not wrap there
 LINE_BAUD = 921600
 
 
@@ -77,6 +77,12 @@ def sample_frames(board: Board) -> list[tuple[int, bytes]]:
     return [frame for frame in board.can_take() if frame[0] in (0x110, 0x111)]
 
 
+def index_of(frame: tuple[int, bytes]) -> tuple[int, int]:
+    """Low byte of the sample's index, and 0 for its ACCEL or 1 for its ENCODER frame, which follows."""
+    identifier, data = frame
+    return (data[4], 0) if identifier == 0x110 else (data[7], 1)
+
+
 def streams_over_can(image: Path, wiring: Wiring) -> None:
     """The frames are those of the native core; after a bus-off, which is counted, they go on."""
     session = Session(image, wiring)
@@ -93,6 +99,8 @@ def streams_over_can(image: Path, wiring: Wiring) -> None:
     assert got[0][:count] == got[1][:count], "frames differ"
     session.board.can_bus_off()
     session.run(20)
+    late = [index_of(frame) for frame in sample_frames(session.board)]
+    assert late == sorted(late), "frames that waited overtake each other"
     status = session.status()
     assert status.bus_off == 1, f"bus-off counted {status.bus_off} times"
     session.board.can_take()

@@ -9,7 +9,7 @@ enum { EOC = 1 << 1, STRT = 1 << 4, OVR = 1 << 5, EOCIE = 1 << 5, OVRIE = 1 << 2
 enum { ADON = 1, DMA = 1 << 8, DDS = 1 << 9, EOCS = 1 << 10 };
 enum { CCR_DDS = 1 << 13, TSVREFE = 1 << 23, SIMULTANEOUS = 6, ADC_IRQ = 18, CONVERSION_CYCLES = 12 };
 static const uint32_t SAMPLE_CYCLES[8] = {3, 15, 28, 56, 84, 112, 144, 480}; /* 13.13.4 */
-static const double MAX_CLOCK_HZ = 36e6;        /* data sheet, ADC characteristics, VDDA above 2.4 V */
+static const double MAX_CLOCK_HZ = 36e6;         /* data sheet, ADC characteristics, VDDA above 2.4 V */
 static const double INTERNAL_SAMPLING_S = 10e-6; /* data sheet, embedded reference and temperature sensor */
 
 static uint32_t channel_of(const adc *a, uint32_t unit) {

@@ -8,6 +8,7 @@ is later than that shows in the samples. So do the voltages between conversions:
 after its trigger is another one.
 """
 
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -97,7 +98,7 @@ class ElfBoard:
         self.soc.adc.source = self._analog
         for name, axis in ENCODERS:
             timer = self.soc.timers[name]
-            timer.follow_world(axis, lambda axis=axis, name=name: self._position(axis, name))
+            timer.follow_world(axis, partial(self._position, axis, name))
         for port, pin in self.wiring.encoder_faults:
             self.soc.gpio[port].drive(pin, True)
         self.soc.can1.sent.clear()

@@ -1,7 +1,8 @@
-/* The CAN controller and the bus it sits on (chapter 30): frames pass whole; modes and configuration are can.py's.
+/* The CAN controller and the bus it sits on (chapter 30): frames pass whole; modes and configuration are
+ * can.py's.
  *
- * A frame takes as long as the most stuff bits allow. Whether it is acknowledged, or damaged so that error counters
- * move as ISO 11898-1 says, is decided by the bus that a test sets up.
+ * A frame takes as long as the most stuff bits allow. Whether it is acknowledged, or damaged so that error
+ * counters move as ISO 11898-1 says, is decided by the bus that a test sets up.
  */
 #include "chip.h"
 
@@ -54,8 +55,8 @@ uint64_t can_bit_cycles(const can *n) {
     return ((btr & 0x3FFu) + 1u) * quanta * n->bank.chip->apb1;
 }
 
-/* Longest standard data frame: 44 bits and the data, 3 of interframe space, and a stuff bit after each four of the
- * 34 + 8 n bits that can be stuffed (after the first five). */
+/* Longest standard data frame: 44 bits and the data, 3 of interframe space, and a stuff bit after each four
+ * of the 34 + 8 n bits that can be stuffed (after the first five). */
 uint64_t can_frame_bits(uint32_t length) {
     return 44u + 8u * length + (34u + 8u * length - 1u) / 4u + 3u;
 }
@@ -181,7 +182,8 @@ static int32_t filter(can *n, uint32_t identifier) {
             continue;
         }
         if ((n->reg[FS1R] >> number & 1u) == 0) {
-            chip_violate(n->bank.chip, n->bank.name, "30.7.4", "a filter of 16 bits, which the emulator does not model");
+            chip_violate(n->bank.chip, n->bank.name, "30.7.4",
+                         "a filter of 16 bits, which the emulator does not model");
             return -1;
         }
         const uint32_t first = n->filters[number][0];

@@ -4,11 +4,11 @@
  * into Python per event would cost more than everything the emulated processor executes. Here is what happens
  * often; what happens once (clocks, configuration, errors) is Python's, on the same state.
  *
- * Data flow: chip_run_until() lets events happen and the processor execute until a cycle. The processor's accesses
- * to a register bank come to its read() or write(); what these do not know goes to chip_read() and chip_write(),
- * which Python provides. Whatever is not modelled sets `failed` and stops the loop; Python raises it.
- * Ownership: Python allocates and keeps every struct; events belong to the schedule.
- * Registers stand at offset / 4 in `reg`. Numbers of sections are of RM0390 unless PM0214 is named.
+ * Data flow: chip_run_until() lets events happen and the processor execute until a cycle. The processor's
+ * accesses to a register bank come to its read() or write(); what these do not know goes to chip_read() and
+ * chip_write(), which Python provides. Whatever is not modelled sets `failed` and stops the loop; Python
+ * raises it. Ownership: Python allocates and keeps every struct; events belong to the schedule. Registers
+ * stand at offset / 4 in `reg`. Numbers of sections are of RM0390 unless PM0214 is named.
  */
 #ifndef CHIP_H
 #define CHIP_H
@@ -31,7 +31,8 @@ typedef void (*event_act)(chip *c, void *owner, uint64_t detail);
 
 typedef struct event {
     uint64_t cycle, order;
-    double seconds; /* when it is to happen, if it follows time rather than the processor's clock; else below 0 */
+    double seconds; /* when it is to happen, if it follows time rather than the processor's clock; else below
+                       0 */
     event_act act;  /* 0: cancelled */
     void *owner;
     uint64_t detail;
@@ -53,7 +54,7 @@ typedef struct {
     double first_trigger_s; /* of row 0 */
     int64_t first_row;      /* of those that run */
     int64_t rows;
-    int32_t channels[2]; /* of x and y */
+    int32_t channels[2];   /* of x and y */
     const uint16_t *codes; /* (rows, 8, 2) */
     const int64_t *counts; /* (rows + 1, 2): the row before, then those that run */
     uint32_t converting;
@@ -86,7 +87,7 @@ typedef struct {
     uint32_t arr, psc; /* behind the preload */
     uint64_t count, since;
     event *overflow;
-    int32_t source;       /* the timer whose TRGO is TRGI; -1: none */
+    int32_t source;        /* the timer whose TRGO is TRGI; -1: none */
     uint32_t trc_channels; /* bit n: channel n captures at the trigger */
     int32_t signals[2];    /* routing of TI1 and TI2, see chip_routed */
     uint32_t follows;      /* 0: no encoder; 1: the world's; 2: Python's */
@@ -102,7 +103,7 @@ typedef struct {
     uint64_t busy_until;
     uint32_t overrun, requests_over;
     uint32_t first, second, both, master; /* of the conversion under way */
-    int32_t trigger; /* the timer; -1: none */
+    int32_t trigger;                      /* the timer; -1: none */
 } adc;
 
 typedef struct {

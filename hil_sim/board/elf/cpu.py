@@ -2,7 +2,7 @@
 
 Unicorn executes instructions and calls back on accesses to peripherals. It knows the banked state (PRIMASK,
 BASEPRI, IPSR) and says when a handler branches to EXC_RETURN; stacking, unstacking and tail-chaining are done
-in run.c as PM0214 2.3.7 describes. Time comes from `block_clock.c`, which counts instructions before each block.
+in run.c as PM0214 2.3.7 describes. Time comes from block_clock.c, which counts instructions block by block.
 """
 
 import ctypes
@@ -91,7 +91,19 @@ class Cpu:
             address = ctypes.cast(getattr(uclib, f"uc_{name}"), ctypes.c_void_p).value
             setattr(chip, name, ffi.cast(kind, address))
         chip.id_r = [arm.UC_ARM_REG_R0, arm.UC_ARM_REG_R1, arm.UC_ARM_REG_R2, arm.UC_ARM_REG_R3]
-        for name in ("r12", "lr", "pc", "xpsr", "sp", "control", "primask", "basepri", "faultmask", "s0", "fpscr"):
+        for name in (
+            "r12",
+            "lr",
+            "pc",
+            "xpsr",
+            "sp",
+            "control",
+            "primask",
+            "basepri",
+            "faultmask",
+            "s0",
+            "fpscr",
+        ):
             setattr(chip, f"id_{name}", getattr(arm, f"UC_ARM_REG_{name.upper()}"))
         chip.flash = ffi.cast("uint8_t *", self.memory.flash_address)
         chip.ram = ffi.cast("uint8_t *", self.memory.ram_address)

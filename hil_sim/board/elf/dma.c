@@ -1,11 +1,19 @@
-/* Transfers of the DMA controllers (chapter 9). A request moves one item at the instant it is made; what may be
- * written when is dma.py's. */
+/* Transfers of the DMA controllers (chapter 9). A request moves one item at the instant it is made; what may
+ * be written when is dma.py's. */
 #include "chip.h"
 
 #include <string.h>
 
 enum { CR, NDTR, PAR, M0AR, M1AR, FCR };
-enum { EN = 1, TEIE = 1 << 2, HTIE = 1 << 3, TCIE = 1 << 4, FROM_MEMORY = 1 << 6, CIRC = 1 << 8, MINC = 1 << 10 };
+enum {
+    EN = 1,
+    TEIE = 1 << 2,
+    HTIE = 1 << 3,
+    TCIE = 1 << 4,
+    FROM_MEMORY = 1 << 6,
+    CIRC = 1 << 8,
+    MINC = 1 << 10
+};
 enum { DBM = 1 << 18, CT = 1 << 19 };
 enum { TEIF = 1 << 3, HTIF = 1 << 4, TCIF = 1 << 5 };
 

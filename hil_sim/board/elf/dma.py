@@ -17,14 +17,11 @@ EN, TEIE, HTIE, TCIE, CT = 1, 1 << 2, 1 << 3, 1 << 4, 1 << 19
 TCIF = 1 << 5
 STREAMS = 8
 FLAG_MASK = 0x0F7D_0F7D
-# Request mapping (9.3.3, tables of DMA1 and DMA2): (controller, stream, channel) of each source whose request is a
-# level; dma.c has all.
+# Request mapping (9.3.3): (controller, stream, channel) of sources whose request is a level; dma.c has all.
 REQUESTS = {
     "USART2_RX": ("DMA1", 5, 4),
     "USART2_TX": ("DMA1", 6, 4),
 }
-
-
 STREAM_NAMES = ("CR", "NDTR", "PAR", "M0AR", "M1AR", "FCR")
 
 

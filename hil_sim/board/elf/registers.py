@@ -42,8 +42,8 @@ class Peripheral:
     """A register bank on the bus.
 
     A subclass lists REGISTERS and adds `read_<name>` and `write_<name>` where a register is more than
-    storage. `value` holds what plain registers hold, by name. A model whose busy part is in C overrides `_shared`;
-    that part is asked first, and Python answers the rest.
+    storage. `value` holds what plain registers hold, by name. A model whose busy part is in C overrides
+    `_shared`; that part is asked first, and Python answers the rest.
     """
 
     REGISTERS: ClassVar[tuple[Register, ...]] = ()
@@ -65,7 +65,7 @@ class Peripheral:
             self._writers[register.offset] = (register, getattr(self, f"write_{suffix}", None))
 
     def _shared(self) -> CData:
-        """The C struct of the model, with its registers in `reg` by offset / 4 and a `bank`; None without one."""
+        """The model's C struct: registers in `reg` by offset / 4, and a `bank`; None without one."""
         return None
 
     def _share(self) -> None:

@@ -1,4 +1,5 @@
-/* Running the chip: events, exceptions in and out (PM0214 2.3.7), the processor until the next event, sleep. */
+/* Running the chip: events, exceptions in and out (PM0214 2.3.7), the processor until the next event, sleep.
+ */
 #include "chip.h"
 
 #include <math.h>
@@ -7,7 +8,7 @@
 #include <string.h>
 
 enum { ENTRY_CYCLES = 12, EXIT_CYCLES = 10, TAIL_CYCLES = 6 }; /* Cortex-M4 TRM 3.9.1, without wait states */
-enum { EXCEPTION_EXIT = 8 };                                   /* Unicorn's number for a branch to EXC_RETURN */
+enum { EXCEPTION_EXIT = 8 }; /* Unicorn's number for a branch to EXC_RETURN */
 enum { NO_FP_FRAME = 1 << 4, FPCA = 1 << 2, SPSEL = 1 << 1 };
 enum { FRAME_BYTES = 0x20, EXTENDED_BYTES = 0x68, FP_WORDS = 17 };
 static const uint32_t RETURN_HANDLER = 0xFFFFFFF1u;
@@ -86,7 +87,7 @@ static void enter(chip *c, uint32_t exception, int nested) {
     uint32_t frame[8];
     uint32_t sp = 0;
     uint32_t control = 0;
-    int ids[10] = {c->id_r[0], c->id_r[1], c->id_r[2],  c->id_r[3], c->id_r12,
+    int ids[10] = {c->id_r[0], c->id_r[1], c->id_r[2], c->id_r[3], c->id_r12,
                    c->id_lr,   c->id_pc,   c->id_xpsr, c->id_sp,   c->id_control};
     void *values[10] = {&frame[0], &frame[1], &frame[2], &frame[3], &frame[4],
                         &frame[5], &frame[6], &frame[7], &sp,       &control};
@@ -115,7 +116,8 @@ static void enter(chip *c, uint32_t exception, int nested) {
         memcpy(stack + FRAME_BYTES, singles, sizeof singles);
         set(c, c->id_control, control & ~(uint32_t)FPCA);
     }
-    go(c, exception, aligned, (nested ? RETURN_HANDLER : RETURN_THREAD) & ~(extended ? (uint32_t)NO_FP_FRAME : 0u));
+    go(c, exception, aligned,
+       (nested ? RETURN_HANDLER : RETURN_THREAD) & ~(extended ? (uint32_t)NO_FP_FRAME : 0u));
     c->clock.cycles += ENTRY_CYCLES;
 }
 
@@ -147,8 +149,10 @@ static void leave(chip *c) {
     uint32_t back = (sp + size) | ((frame[7] & XPSR_ALIGNED) != 0 ? 4u : 0u);
     uint32_t xpsr = frame[7] & ~XPSR_ALIGNED;
     uint32_t pc = frame[6] & ~1u;
-    int ids[9] = {c->id_r[0], c->id_r[1], c->id_r[2], c->id_r[3], c->id_r12, c->id_lr, c->id_sp, c->id_xpsr, c->id_pc};
-    void *const values[9] = {&frame[0], &frame[1], &frame[2], &frame[3], &frame[4], &frame[5], &back, &xpsr, &pc};
+    int ids[9] = {c->id_r[0], c->id_r[1], c->id_r[2], c->id_r[3], c->id_r12,
+                  c->id_lr,   c->id_sp,   c->id_xpsr, c->id_pc};
+    void *const values[9] = {&frame[0], &frame[1], &frame[2], &frame[3], &frame[4],
+                             &frame[5], &back,     &xpsr,     &pc};
     (void)c->reg_write_batch(c->engine, ids, values, 9);
     set(c, c->id_control, (get(c, c->id_control) & ~(uint32_t)FPCA) | (extended ? (uint32_t)FPCA : 0u));
     c->clock.cycles += EXIT_CYCLES;
@@ -348,7 +352,8 @@ int chip_route(chip *c, int32_t signal) {
     return c->routes[signal];
 }
 
-/* Until a time since power-on; the processor's clock may change meanwhile, so a millisecond at most in one go. */
+/* Until a time since power-on; the processor's clock may change meanwhile, so a millisecond at most in one
+ * go. */
 int chip_run_for(chip *c, double end) {
     while (schedule_seconds(c) < end - 0.5 / c->frequency) {
         const uint64_t last = c->base_cycle + (uint64_t)llrint((end - c->base_seconds) * c->frequency);

@@ -1,7 +1,8 @@
 /* Events in order of time; those of one cycle in the order in which they were asked for.
  *
- * Cycles of the processor's clock are the base because everything on the buses counts them exactly. What follows
- * another clock keeps its instant in seconds, and gets another cycle when the processor's clock changes.
+ * Cycles of the processor's clock are the base because everything on the buses counts them exactly. What
+ * follows another clock keeps its instant in seconds, and gets another cycle when the processor's clock
+ * changes.
  */
 #include "chip.h"
 
@@ -139,7 +140,8 @@ uint64_t schedule_fire_while_quiet(chip *c, uint64_t until) {
     return c->now;
 }
 
-/* Begins at a cycle and a time other than zero, with nothing to happen: the chip was reset, the world goes on. */
+/* Begins at a cycle and a time other than zero, with nothing to happen: the chip was reset, the world goes
+ * on. */
 void schedule_start(chip *c, uint64_t cycle, double seconds, double frequency) {
     while (c->events > 0) {
         free(pop(c));

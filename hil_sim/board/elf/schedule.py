@@ -55,7 +55,7 @@ class Schedule:
         return float(self._chip.frequency)
 
     def start(self, cycle: int, seconds: float, frequency: float) -> None:
-        """Begins anew at a cycle and a time, with nothing to happen: the chip was reset, the world goes on."""
+        """Begins anew, with nothing to happen: the chip was reset, the world goes on."""
         for event in list(self._waiting.values()):
             self.forget(event)
         lib.schedule_start(self._chip, cycle, seconds, frequency)
@@ -102,11 +102,11 @@ class Schedule:
 
     def cycle_seconds(self, cycle: int) -> float:
         """Time since power-on of a cycle, if the clock keeps its frequency."""
-        return float(self._chip.base_seconds) + (cycle - self._chip.base_cycle) / self.frequency
+        return float(self._chip.base_seconds) + (cycle - int(self._chip.base_cycle)) / self.frequency
 
     def cycle_at(self, seconds: float) -> int:
         """The cycle at a time since power-on, if the clock keeps its frequency."""
-        return int(self._chip.base_cycle) + round((seconds - self._chip.base_seconds) * self.frequency)
+        return int(self._chip.base_cycle) + round((seconds - float(self._chip.base_seconds)) * self.frequency)
 
     def cycles_for(self, seconds: float) -> int:
         """Cycles in a stretch of time, at least one."""

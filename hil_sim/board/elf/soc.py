@@ -351,7 +351,9 @@ class Soc:
     def run_for(self, seconds: float) -> None:
         """Runs the chip for a stretch of time; the processor's clock may change meanwhile."""
         end = self.schedule.seconds() + seconds
-        while not self._stands(self.schedule.cycle_at(end)) and self._resets(lib.chip_run_for(self.chip, end)):
+        while not self._stands(self.schedule.cycle_at(end)) and self._resets(
+            lib.chip_run_for(self.chip, end)
+        ):
             pass
 
     def _stands(self, cycle: int) -> bool:

@@ -1,13 +1,26 @@
-/* Counting, captures and triggers of the general-purpose timers (chapters 17, 18); configuration is timer.py's.
+/* Counting, captures and triggers of the general-purpose timers (chapters 17, 18); configuration is
+ * timer.py's.
  *
- * Counting is lazy: a running counter is its value at a known cycle plus the cycles since. Only what others can
- * notice (an update, a trigger) is an event.
+ * Counting is lazy: a running counter is its value at a known cycle plus the cycles since. Only what others
+ * can notice (an update, a trigger) is an event.
  */
 #include "chip.h"
 
 #include <stdio.h>
 
-enum { CR1 = 0, CR2 = 1, SMCR = 2, DIER = 3, SR = 4, CCMR1 = 6, CCER = 8, CNT = 9, PSC = 10, ARR = 11, CCR1 = 13 };
+enum {
+    CR1 = 0,
+    CR2 = 1,
+    SMCR = 2,
+    DIER = 3,
+    SR = 4,
+    CCMR1 = 6,
+    CCER = 8,
+    CNT = 9,
+    PSC = 10,
+    ARR = 11,
+    CCR1 = 13
+};
 enum { CEN = 1, DIR = 1 << 4 };
 enum { INTERNAL = 0, ENCODER_BOTH = 3, TRIGGER = 6, EXTERNAL = 7 };
 enum { MMS_UPDATE = 2, UIF = 1 };
@@ -160,7 +173,8 @@ static int64_t position(timer *t) {
     if (t->follows == FOLLOWS_PYTHON) {
         return chip_position(c, t->number);
     }
-    const int connected = c->world->converting && chip_route(c, t->signals[0]) && chip_route(c, t->signals[1]);
+    const int connected =
+        c->world->converting && chip_route(c, t->signals[0]) && chip_route(c, t->signals[1]);
     return connected ? world_position(c->world, schedule_seconds(c), t->axis) : 0;
 }
 
@@ -172,8 +186,8 @@ void timer_place(timer *t) {
     }
 }
 
-/* Counts the edges that a moving encoder has produced since the last look. A position is in quarter periods, so in
- * the mode that counts every edge one step is one count. */
+/* Counts the edges that a moving encoder has produced since the last look. A position is in quarter periods,
+ * so in the mode that counts every edge one step is one count. */
 static void follow(timer *t) {
     if (t->follows == FOLLOWS_NOTHING) {
         return;

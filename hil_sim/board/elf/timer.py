@@ -1,7 +1,7 @@
 """General-purpose timers (RM0390 chapter 17, TIM2 to TIM5; chapter 18, TIM12): configuration and inputs.
 
-Counting, triggers and captures are in timer.c. Inputs are edges on TI1 and TI2, or a position that the encoder
-interface follows.
+Counting, triggers and captures are in timer.c. Inputs are edges on TI1 and TI2, or a position that the
+encoder interface follows.
 """
 
 from collections.abc import Callable
@@ -230,7 +230,9 @@ class Timer(Peripheral):
             if half and half & 3 not in (1, 3):
                 raise self.unmodelled("write", register, offset, value)
         self.value[register] = value
-        self.shared.trc_channels = sum(1 << channel for channel in CHANNELS if self._capture_selection(channel) == 3)
+        self.shared.trc_channels = sum(
+            1 << channel for channel in CHANNELS if self._capture_selection(channel) == 3
+        )
 
     def write_ccmr1(self, value: int) -> None:
         """Modes of channels 1 and 2."""

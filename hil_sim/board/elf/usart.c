@@ -1,4 +1,5 @@
-/* Bytes of the serial port (chapter 25): 8 data bits, 1 stop bit, both directions; configuration is usart.py's. */
+/* Bytes of the serial port (chapter 25): 8 data bits, 1 stop bit, both directions; configuration is
+ * usart.py's. */
 #include "chip.h"
 
 #include <math.h>
@@ -8,7 +9,15 @@
 
 enum { SR, DR, BRR, CR1, CR2, CR3 };
 enum { ORE = 1 << 3, IDLE = 1 << 4, RXNE = 1 << 5, TC = 1 << 6, TXE = 1 << 7 };
-enum { RE = 1 << 2, TE = 1 << 3, IDLEIE = 1 << 4, RXNEIE = 1 << 5, TCIE = 1 << 6, TXEIE = 1 << 7, UE = 1 << 13 };
+enum {
+    RE = 1 << 2,
+    TE = 1 << 3,
+    IDLEIE = 1 << 4,
+    RXNEIE = 1 << 5,
+    TCIE = 1 << 6,
+    TXEIE = 1 << 7,
+    UE = 1 << 13
+};
 enum { EIE = 1, DMAR = 1 << 6, DMAT = 1 << 7 };
 enum { FRAME_BITS = 10 };
 /* The receiver samples the middle of the tenth bit: the other side may be this far off (25.4.5). */
@@ -35,7 +44,8 @@ static int on(const usart *u, uint32_t direction) {
 void usart_update_line(usart *u) {
     const uint32_t sr = u->reg[SR];
     const uint32_t cr1 = u->reg[CR1];
-    const int high = ((sr & IDLE) != 0 && (cr1 & IDLEIE) != 0) || ((sr & (RXNE | ORE)) != 0 && (cr1 & RXNEIE) != 0) ||
+    const int high = ((sr & IDLE) != 0 && (cr1 & IDLEIE) != 0) ||
+                     ((sr & (RXNE | ORE)) != 0 && (cr1 & RXNEIE) != 0) ||
                      ((sr & TC) != 0 && (cr1 & TCIE) != 0) || ((sr & TXE) != 0 && (cr1 & TXEIE) != 0) ||
                      ((sr & ORE) != 0 && (u->reg[CR3] & (EIE | DMAR)) == (EIE | DMAR));
     nvic_set_line(u->bank.chip, u->irq, high);

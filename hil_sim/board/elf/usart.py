@@ -1,8 +1,8 @@
 """Universal synchronous asynchronous receiver transmitter (RM0390 chapter 25): 8 data bits, 1 stop bit.
 
 The line is two streams of bytes with the instants at which their last bits pass. A byte takes ten bit times
-(start, eight, stop); a bit takes BRR cycles of the bus clock with 16 times oversampling (25.4.4). The bytes are
-usart.c's, what is configured is here.
+(start, eight, stop); a bit takes BRR cycles of the bus clock with 16 times oversampling (25.4.4). The bytes
+are usart.c's, what is configured is here.
 """
 
 from typing import TYPE_CHECKING, ClassVar
