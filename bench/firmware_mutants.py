@@ -8,6 +8,7 @@ A mistake is caught if the binary that has it fails one of the checks in firmwar
 emulator refuses. Less than 95 % caught, or a survivor that the list does not explain, is a failure (exit status 1).
 """
 
+import signal
 import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
@@ -22,7 +23,7 @@ from firmware_mutation.mutants import Mutant, MutantError, Workshop, mutants
 from hil_sim.board.elf.wiring import CUSTOM, NUCLEO
 
 WIRINGS = {"nucleo": NUCLEO, "custom": CUSTOM}
-LIMIT_S = 90  # a binary that keeps the emulator busy for longer does not do its work
+LIMIT_S = 60  # of processor time: a binary that keeps the emulator busy for longer does not do its work
 REQUIRED = 0.95
 
 
@@ -43,13 +44,14 @@ def judge(image: Path, board: str) -> None:
 
 def verdict(image: Path, board: str) -> str | None:
     """As first_failure, in a process of its own that may hang."""
-    try:
-        done = subprocess.run(
-            [sys.executable, __file__, "judge", image, board],
-            capture_output=True, text=True, check=False, timeout=LIMIT_S,
-        )  # fmt: skip
-    except subprocess.TimeoutExpired:
-        return f"hangs: not through its checks after {LIMIT_S} s"
+    done = subprocess.run(
+        ["prlimit", f"--cpu={LIMIT_S}", sys.executable, __file__, "judge", image, board],
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    if done.returncode in (-signal.SIGXCPU, -signal.SIGKILL):
+        return f"hangs: not through its checks after {LIMIT_S} s of processor time"
+    if not done.stdout:
+        raise MutantError(f"the checks themselves went wrong: {done.stderr.strip()[-400:]}")
     return done.stdout.strip() if done.returncode else None
 
 

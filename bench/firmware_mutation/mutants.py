@@ -88,4 +88,5 @@ class Workshop:
         )
         if done.returncode:
             raise MutantError(f"does not build: {(done.stdout + done.stderr).strip()[-400:]}")
-        return self._folder / ".pio" / "build" / environment / "program.elf"
+        (image,) = (self._folder / ".pio" / "build" / environment).glob("*.elf")
+        return image

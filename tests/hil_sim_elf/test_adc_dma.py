@@ -176,3 +176,22 @@ def test_the_internal_reference_needs_its_switch_and_its_time(
         REG(0x40012304u) = {common}u; REG(0x40012008u) = 1; REG(0x40012008u) = 1u | 1u << 30; for (;;) {{}} }}"""
     with pytest.raises(RuleViolation, match=rule):
         run(tmp_path, body)
+
+
+def test_an_injected_conversion_on_software_leaves_its_result_in_jdr1(tmp_path: Path) -> None:
+    """13.3.9, 13.13.12: JL = 0 converts JSQ4; in regular and injected simultaneous mode both converters do."""
+    body = f"""void reset(void) {{ {CLOCKS} {DUAL.replace("6u |", "1u |")} {ADCS}
+        REG(0x40012038u) = 12u << 15; REG(0x40012138u) = 13u << 15; REG(0x40012008u) |= 1u << 22;
+        while (!(REG(0x40012000u) & 4)) {{}} out[0] = REG(0x4001203Cu); out[1] = REG(0x4001213Cu);
+        REG(0x40012000u) = ~4u; out[2] = REG(0x40012000u) & 4; for (;;) {{}} }}"""
+    soc = Soc(build(tmp_path, body))
+    soc.adc.source = lambda channel: 100 * channel
+    soc.run_for(1e-4)
+    assert results(soc, 3) == [1200, 1300, 0]
+
+
+def test_an_injected_conversion_needs_its_mode(tmp_path: Path) -> None:
+    """13.9.2: regular simultaneous mode alone leaves injected conversions out."""
+    body = f"void reset(void) {{ {CLOCKS} {DUAL} {ADCS} REG(0x40012008u) |= 1u << 22; for (;;) {{}} }}"
+    with pytest.raises(RuleViolation, match="regular simultaneous mode"):
+        run(tmp_path, body)

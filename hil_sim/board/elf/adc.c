@@ -3,11 +3,26 @@
 
 #include <stdio.h>
 
-enum { SR = 0, CR1 = 1, CR2 = 2, SMPR1 = 3, SMPR2 = 4, SQR3 = 13, DR = 19 };
+enum { SR = 0, CR1 = 1, CR2 = 2, SMPR1 = 3, SMPR2 = 4, SQR3 = 13, JSQR = 14, JDR1 = 15, DR = 19 };
 enum { CSR, CCR, CDR };
-enum { EOC = 1 << 1, STRT = 1 << 4, OVR = 1 << 5, EOCIE = 1 << 5, OVRIE = 1 << 26 };
+enum {
+    EOC = 1 << 1,
+    JEOC = 1 << 2,
+    JSTRT = 1 << 3,
+    STRT = 1 << 4,
+    OVR = 1 << 5,
+    EOCIE = 1 << 5,
+    OVRIE = 1 << 26
+};
 enum { ADON = 1, DMA = 1 << 8, DDS = 1 << 9, EOCS = 1 << 10 };
-enum { CCR_DDS = 1 << 13, TSVREFE = 1 << 23, SIMULTANEOUS = 6, ADC_IRQ = 18, CONVERSION_CYCLES = 12 };
+enum {
+    CCR_DDS = 1 << 13,
+    TSVREFE = 1 << 23,
+    SIMULTANEOUS = 6,
+    BOTH_SIMULTANEOUS = 1,
+    ADC_IRQ = 18,
+    CONVERSION_CYCLES = 12
+};
 static const uint32_t SAMPLE_CYCLES[8] = {3, 15, 28, 56, 84, 112, 144, 480}; /* 13.13.4 */
 static const double MAX_CLOCK_HZ = 36e6;         /* data sheet, ADC characteristics, VDDA above 2.4 V */
 static const double INTERNAL_SAMPLING_S = 10e-6; /* data sheet, embedded reference and temperature sensor */
@@ -16,8 +31,7 @@ static uint32_t channel_of(const adc *a, uint32_t unit) {
     return a->reg[unit][SQR3] & 0x1Fu;
 }
 
-static uint32_t sample_cycles(const adc *a, uint32_t unit) {
-    const uint32_t channel = channel_of(a, unit);
+static uint32_t sample_cycles(const adc *a, uint32_t unit, uint32_t channel) {
     const uint32_t code =
         channel >= 10 ? a->reg[unit][SMPR1] >> 3 * (channel - 10) : a->reg[unit][SMPR2] >> 3 * channel;
     return SAMPLE_CYCLES[code & 7u];
@@ -35,7 +49,7 @@ uint32_t adc_clock_divider(adc *a) {
 /* From the trigger to the instant whose voltage counts: the end of sampling. */
 double adc_held_after_s(adc *a, uint32_t channel) {
     const uint32_t unit = channel == channel_of(a, 0) ? 0 : 1;
-    return sample_cycles(a, unit) * adc_clock_divider(a) / a->bank.chip->frequency;
+    return sample_cycles(a, unit, channel) * adc_clock_divider(a) / a->bank.chip->frequency;
 }
 
 void adc_update_line(adc *a) {
@@ -71,9 +85,8 @@ static int analogue(const chip *c, uint32_t channel) {
     return (port->reg[0] >> 2 * pin & 3u) == 3u;
 }
 
-static uint32_t convert(adc *a, uint32_t unit) {
+static uint32_t convert(adc *a, uint32_t channel) {
     chip *c = a->bank.chip;
-    const uint32_t channel = channel_of(a, unit);
     for (uint32_t axis = 0; axis < 2 && c->world != NULL; ++axis) {
         if (c->world->channels[axis] == (int32_t)channel && analogue(c, channel)) {
             return world_code(c->world, schedule_seconds(c) + adc_held_after_s(a, channel), axis);
@@ -120,44 +133,90 @@ static void finish(chip *c, void *owner, uint64_t detail) {
     adc_update_line(a);
 }
 
-static int allowed(adc *a, uint32_t master, int both) {
+/* Both convert together. */
+static int dual(const adc *a) {
+    const uint32_t mode = a->common[CCR] & 0x1Fu;
+    return mode == SIMULTANEOUS || mode == BOTH_SIMULTANEOUS;
+}
+
+/* The internal channels need their switch and their time (13.10). */
+static void check_internal(adc *a, uint32_t unit, uint32_t channel) {
     chip *c = a->bank.chip;
-    const uint32_t channel = channel_of(a, master);
-    if (both && (a->reg[1][CR2] & ADON) == 0) {
-        chip_violate(c, "ADC", "13.9", "dual mode with ADC2 off");
-    } else if (both && sample_cycles(a, 0) != sample_cycles(a, 1)) {
-        chip_violate(c, "ADC", "13.9.2", "simultaneous conversions of different length");
-    } else if (channel == 17 || channel == 18) {
-        char text[80];
-        if ((a->common[CCR] & TSVREFE) == 0) {
-            (void)snprintf(text, sizeof text, "internal channel %u converted while TSVREFE is 0", channel);
-            chip_violate(c, "ADC", "13.10", text);
-        } else if (sample_cycles(a, master) * adc_clock_divider(a) / c->frequency < INTERNAL_SAMPLING_S) {
-            (void)snprintf(text, sizeof text, "internal channel %u sampled for less than 10 us", channel);
-            chip_violate(c, "ADC", "13.10", text);
-        }
+    char text[80];
+    if (channel != 17 && channel != 18) {
+        return;
     }
-    return !c->failed;
+    if ((a->common[CCR] & TSVREFE) == 0) {
+        (void)snprintf(text, sizeof text, "internal channel %u converted while TSVREFE is 0", channel);
+        chip_violate(c, "ADC", "13.10", text);
+    } else if (sample_cycles(a, unit, channel) * adc_clock_divider(a) / c->frequency < INTERNAL_SAMPLING_S) {
+        (void)snprintf(text, sizeof text, "internal channel %u sampled for less than 10 us", channel);
+        chip_violate(c, "ADC", "13.10", text);
+    }
 }
 
 /* Samples now; the result comes after sampling and conversion. A trigger meanwhile is ignored. */
 void adc_start(adc *a, uint32_t master) {
     chip *c = a->bank.chip;
+    const int both = dual(a) && master == 0;
+    const uint32_t channel = channel_of(a, master);
+    const uint32_t cycles = sample_cycles(a, master, channel);
+    if (c->now < a->injected_until) {
+        chip_violate(c, "ADC", "13.3.9", "a trigger during an injected conversion: the sample is late");
+        return;
+    }
     if (c->now < a->busy_until) {
         return;
     }
-    const int both = (a->common[CCR] & 0x1Fu) == SIMULTANEOUS && master == 0;
-    const uint32_t length = sample_cycles(a, master) + CONVERSION_CYCLES;
-    if (!allowed(a, master, both)) {
+    check_internal(a, master, channel);
+    if (both && (a->reg[1][CR2] & ADON) == 0) {
+        chip_violate(c, "ADC", "13.9", "dual mode with ADC2 off");
+    } else if (both && cycles != sample_cycles(a, 1, channel_of(a, 1))) {
+        chip_violate(c, "ADC", "13.9.2", "simultaneous conversions of different length");
+    }
+    if (c->failed) {
         return;
     }
-    a->busy_until = c->now + (uint64_t)length * adc_clock_divider(a);
+    a->busy_until = c->now + (uint64_t)(cycles + CONVERSION_CYCLES) * adc_clock_divider(a);
     a->reg[master][SR] |= STRT;
     a->master = master;
     a->both = (uint32_t)both;
-    a->first = convert(a, master);
-    a->second = both ? convert(a, 1) : 0;
+    a->first = convert(a, channel);
+    a->second = both ? convert(a, channel_of(a, 1)) : 0;
     (void)schedule_at(c, a->busy_until, finish, a, 0);
+}
+
+/* --- injected conversions ------------------------------------------------------------------------ */
+
+/* detail: the unit, and above its lowest bit the result. */
+static void finish_injected(chip *c, void *owner, uint64_t detail) {
+    adc *a = owner;
+    uint32_t *reg = a->reg[detail & 1u];
+    (void)c;
+    reg[JDR1] = (uint32_t)(detail >> 1);
+    reg[SR] |= JEOC;
+}
+
+/* Samples now; in dual mode both do, and each has its own length. */
+void adc_start_injected(adc *a, uint32_t master) {
+    chip *c = a->bank.chip;
+    if (c->now < a->busy_until || c->now < a->injected_until) {
+        chip_violate(c, "ADC", "13.3.9", "an injected conversion during another");
+        return;
+    }
+    if ((a->common[CCR] & 0x1Fu) == SIMULTANEOUS) {
+        chip_violate(c, "ADC", "13.9.2", "an injected conversion in regular simultaneous mode");
+        return;
+    }
+    for (uint32_t unit = dual(a) ? 0 : master; unit < (dual(a) ? 2u : master + 1u); ++unit) {
+        const uint32_t channel = a->reg[unit][JSQR] >> 15 & 0x1Fu;
+        check_internal(a, unit, channel);
+        const uint64_t length =
+            (uint64_t)(sample_cycles(a, unit, channel) + CONVERSION_CYCLES) * adc_clock_divider(a);
+        a->injected_until = c->now + length > a->injected_until ? c->now + length : a->injected_until;
+        a->reg[unit][SR] |= JSTRT;
+        (void)schedule_at(c, c->now + length, finish_injected, a, (uint64_t)convert(a, channel) << 1 | unit);
+    }
 }
 
 /* A timer's TRGO rises. */

@@ -1,8 +1,8 @@
-"""Analog-to-digital converters ADC1 and ADC2 (RM0390 chapter 13): single regular conversions of 12 bits.
+"""Analog-to-digital converters ADC1 and ADC2 (RM0390 chapter 13): single conversions of 12 bits.
 
 Independent by software start, or in regular simultaneous dual mode by a timer's trigger, where both
-convert in the same instant and one word with both results goes to the DMA. What is configured is here, the
-conversions are in adc.c.
+convert in the same instant and one word with both results goes to the DMA. An injected conversion is started
+by software, on both in dual mode. What is configured is here, the conversions are in adc.c.
 """
 
 from collections.abc import Callable
@@ -15,9 +15,9 @@ if TYPE_CHECKING:
     from hil_sim.board.elf.soc import Soc
 
 EOCIE, OVRIE = 1 << 5, 1 << 26
-ADON, DMA, DDS, EOCS, SWSTART = 1 << 0, 1 << 8, 1 << 9, 1 << 10, 1 << 30
+ADON, DMA, DDS, EOCS, JSWSTART, SWSTART = 1 << 0, 1 << 8, 1 << 9, 1 << 10, 1 << 22, 1 << 30
 TRIGGERS = {8: "TIM3"}  # EXTSEL 1000: TIM3_TRGO (13.6)
-SIMULTANEOUS = 6  # MULTI 00110: regular simultaneous mode only (13.13.16)
+DUAL = (6, 1)  # MULTI: regular simultaneous mode, alone or with injected simultaneous mode (13.13.16)
 DMA_MODE_2 = 2
 COMMON = ("CSR", "CCR", "CDR")
 
@@ -30,12 +30,14 @@ class Converter(Peripheral):
     REGISTERS: ClassVar[tuple[Register, ...]] = (
         Register("SR", 0x00, "13.13.1", modelled=ALL),
         Register("CR1", 0x04, "13.13.2", modelled=EOCIE | OVRIE),
-        Register("CR2", 0x08, "13.13.3", modelled=ADON | DMA | DDS | EOCS | 0x3F00_0000 | SWSTART),
+        Register("CR2", 0x08, "13.13.3", modelled=ADON | DMA | DDS | EOCS | JSWSTART | 0x3F00_0000 | SWSTART),
         Register("SMPR1", 0x0C, "13.13.4", modelled=0x07FF_FFFF),
         Register("SMPR2", 0x10, "13.13.5", modelled=0x3FFF_FFFF),
         Register("SQR1", 0x2C, "13.13.9"),  # L = 0: one conversion
         Register("SQR2", 0x30, "13.13.10"),
         Register("SQR3", 0x34, "13.13.11", modelled=0x1F),
+        Register("JSQR", 0x38, "13.13.12", modelled=0x000F_8000),  # JL = 0: JSQ4 alone
+        Register("JDR1", 0x3C, "13.13.13"),
         Register("DR", 0x4C, "13.13.14"),
     )
 
@@ -58,8 +60,8 @@ class Converter(Peripheral):
         self.pair.update_line()
 
     def read_cr2(self) -> int:
-        """SWSTART is cleared by hardware when the conversion starts."""
-        return self.value["CR2"] & ~SWSTART
+        """SWSTART and JSWSTART are cleared by hardware when the conversion starts."""
+        return self.value["CR2"] & ~(SWSTART | JSWSTART)
 
     def write_cr2(self, value: int) -> None:
         """Power, trigger, DMA, software start."""
@@ -69,11 +71,13 @@ class Converter(Peripheral):
         was_on = self.value["CR2"] & ADON
         if not value & DMA:
             self.pair.allow_requests()
-        self.value["CR2"] = value & ~SWSTART
+        self.value["CR2"] = value & ~(SWSTART | JSWSTART)
+        if value & (SWSTART | JSWSTART) and not was_on:
+            raise self.violation("a start before ADON", "13.3.1")
         if value & SWSTART:
-            if not was_on:
-                raise self.violation("SWSTART before ADON", "13.3.1")
             lib.adc_start(self.pair.shared, self.number)
+        if value & JSWSTART:
+            lib.adc_start_injected(self.pair.shared, self.number)
         self.pair.listen()
 
     def read_dr(self) -> int:
@@ -121,7 +125,7 @@ class AdcPair(Peripheral):
 
     def write_ccr(self, value: int) -> None:
         """Mode, DMA mode, clock and the internal reference."""
-        if value & 0x1F not in (0, SIMULTANEOUS) or value >> 14 & 3 not in (0, DMA_MODE_2):
+        if value & 0x1F not in (0, *DUAL) or value >> 14 & 3 not in (0, DMA_MODE_2):
             raise self.unmodelled("write", "CCR", 0x304, value)
         self.value["CCR"] = value
         if not value >> 14 & 3:

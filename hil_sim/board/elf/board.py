@@ -69,6 +69,7 @@ class ElfBoard:
         self._adc: NDArray[np.uint16]  # (n, 8, 2), of the rows that run
         self._encoder: NDArray[np.int64]  # (n + 1, 2), unwrapped: the row before, then those that run
         self._rows: int  # since boot
+        self.supply_mV = 3300  # of the chip and of what it measures
         self.soc.stop_at_reset = True
         self.reboot()
 
@@ -106,7 +107,7 @@ class ElfBoard:
     def _analog(self, channel: int) -> int:
         """What the world does not put on a channel itself."""
         if channel == VREFINT_CHANNEL:
-            return VREFINT_CAL
+            return round(VREFINT_CAL * 3300 / self.supply_mV)
         if channel not in self.wiring.axes:
             raise EmulatorError(f"nothing is wired to ADC channel {channel}")
         raise EmulatorError(f"the pin of ADC channel {channel} is not in analogue mode")

@@ -18,7 +18,7 @@ enum { TMEIE = 1, FMPIE0 = 1 << 1, FFIE0 = 1 << 2, FOVIE0 = 1 << 3 };
 enum { EWGIE = 1 << 8, EPVIE = 1 << 9, BOFIE = 1 << 10, LECIE = 1 << 11, ERRIE = 1 << 15 };
 enum { EWGF = 1, EPVF = 2, BOFF = 4, TXRQ = 1, RTR = 2, IDE = 4 };
 enum { LEC_ACK = 3, LEC_BIT_RECESSIVE = 4, WARNING = 96, PASSIVE = 128, BUS_OFF = 256 };
-enum { MAILBOXES = 3, FIFO_DEPTH = 3, BANKS = 28, RECOVERY_BITS = 128 * 11, IRQ_TX = 19, IRQ_SCE = 22 };
+enum { MAILBOXES = 3, FIFO_DEPTH = 3, BANKS = 28, IRQ_TX = 19, IRQ_SCE = 22 };
 enum { TRANSMIT_AT = 0x180, RECEIVE_AT = 0x1B0, FILTERS_AT = 0x240 };
 
 /* --- queues of frames ---------------------------------------------------------------------------- */
@@ -110,7 +110,7 @@ void can_counters_changed(can *n, uint32_t lec) {
         n->bus_off = 1;
         flags |= BOFF;
         if ((n->reg[MCR] & ABOM) != 0 && n->recovering == NULL) {
-            n->recovering = schedule_at(c, c->now + RECOVERY_BITS * can_bit_cycles(n), recovers, n, 0);
+            n->recovering = schedule_at(c, c->now + CAN_RECOVERY_BITS * can_bit_cycles(n), recovers, n, 0);
         }
     }
     n->reg[ESR] = flags | lec << 4;

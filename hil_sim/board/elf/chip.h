@@ -25,6 +25,8 @@ enum { DMA_1, DMA_2, DMAS };
 enum { REQUEST_TIM2_CH3, REQUEST_TIM5_CH3, REQUEST_USART2_RX, REQUEST_USART2_TX, REQUEST_ADC1, REQUESTS };
 enum { EXCEPTIONS = 113, FIRST_IRQ = 16, NMI = 2, THREAD = 256, MAX_NESTED = 16 };
 enum { PAGES = 512, PAGE_SHIFT = 10 };
+enum { ENTRY_CYCLES = 12, EXIT_CYCLES = 10, TAIL_CYCLES = 6 }; /* Cortex-M4 TRM 3.9.1, without wait states */
+enum { CAN_RECOVERY_BITS = 1408 };                             /* 128 times 11 (30.7.6) */
 
 typedef struct chip chip;
 typedef void (*event_act)(chip *c, void *owner, uint64_t detail);
@@ -100,7 +102,7 @@ typedef struct {
     bank bank;
     uint32_t reg[2][20]; /* ADC1, ADC2 */
     uint32_t common[3];  /* CSR, CCR, CDR */
-    uint64_t busy_until;
+    uint64_t busy_until, injected_until;
     uint32_t overrun, requests_over;
     uint32_t first, second, both, master; /* of the conversion under way */
     int32_t trigger;                      /* the timer; -1: none */
@@ -113,6 +115,7 @@ typedef struct {
     int32_t tx_signal, rx_signal;
     int32_t holding; /* DR, waiting for the shift register; -1: empty */
     uint32_t shifting, received, status_read;
+    uint32_t damaged; /* so many of the next bytes arrive with noise and a bad stop bit */
     event *idle, *arrival;
     double line_rate;
     uint8_t *incoming;
@@ -261,6 +264,7 @@ uint32_t timer_read_capture(timer *t, uint32_t channel);
 void adc_bind(adc *a);
 void adc_trigger(adc *a, int32_t number);
 void adc_start(adc *a, uint32_t master);
+void adc_start_injected(adc *a, uint32_t master);
 void adc_update_line(adc *a);
 uint32_t adc_read_cdr(adc *a);
 uint32_t adc_read_dr(adc *a, uint32_t unit);

@@ -24,8 +24,7 @@ unicorn: Any = unicorn_package  # its own annotations cover half of it
 # Cycles per instruction. Single-cycle arithmetic, two-cycle loads and stores, and the refills of taken
 # branches average 1.2 to 1.5 in ART-cached code; 3/2 is the pessimistic end.
 CPI = (3, 2)
-ENTRY_CYCLES = 12  # as run.c has them: Cortex-M4 TRM 3.9.1, without wait states
-EXIT_CYCLES = 10
+ENTRY_CYCLES, EXIT_CYCLES = int(lib.ENTRY_CYCLES), int(lib.EXIT_CYCLES)
 
 NO_WATCH = 256
 MMIO_MAP = binding.uclib.uc_mmio_map

@@ -15,8 +15,8 @@ if TYPE_CHECKING:
     from hil_sim.board.elf.soc import Soc
 
 KEY1, KEY2 = 0x4567_0123, 0xCDEF_89AB  # 3.5.2
-PG, SER, MER, STRT, LOCK = 1 << 0, 1 << 1, 1 << 2, 1 << 16, 1 << 31
-EOP, WRPERR, PGPERR, PGSERR = 1 << 0, 1 << 4, 1 << 6, 1 << 7
+PG, SER, STRT, LOCK = 1 << 0, 1 << 1, 1 << 16, 1 << 31
+EOP, PGPERR, PGSERR = 1 << 0, 1 << 6, 1 << 7
 ERRORS = 0x1F2
 PRFTEN, ICEN, DCEN, ICRST, DCRST = 1 << 8, 1 << 9, 1 << 10, 1 << 11, 1 << 12
 # Data sheet, flash memory programming: typical times. Erase by sector size and parallelism.

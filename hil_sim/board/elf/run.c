@@ -7,7 +7,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { ENTRY_CYCLES = 12, EXIT_CYCLES = 10, TAIL_CYCLES = 6 }; /* Cortex-M4 TRM 3.9.1, without wait states */
 enum { EXCEPTION_EXIT = 8 }; /* Unicorn's number for a branch to EXC_RETURN */
 enum { NO_FP_FRAME = 1 << 4, FPCA = 1 << 2, SPSEL = 1 << 1 };
 enum { FRAME_BYTES = 0x20, EXTENDED_BYTES = 0x68, FP_WORDS = 17 };

@@ -8,7 +8,7 @@
 #include <string.h>
 
 enum { SR, DR, BRR, CR1, CR2, CR3 };
-enum { ORE = 1 << 3, IDLE = 1 << 4, RXNE = 1 << 5, TC = 1 << 6, TXE = 1 << 7 };
+enum { FE = 1 << 1, NF = 1 << 2, ORE = 1 << 3, IDLE = 1 << 4, RXNE = 1 << 5, TC = 1 << 6, TXE = 1 << 7 };
 enum {
     RE = 1 << 2,
     TE = 1 << 3,
@@ -155,7 +155,7 @@ static int too_different(usart *u) {
 static void arrives(chip *c, void *owner, uint64_t detail) {
     usart *u = owner;
     (void)detail;
-    const uint8_t byte = u->incoming[u->incoming_first++];
+    uint8_t byte = u->incoming[u->incoming_first++];
     u->arrival = NULL;
     if (u->incoming_first < u->incoming_count) {
         u->arrival = schedule_after_seconds(c, FRAME_BITS / u->line_rate, arrives, u, 0);
@@ -164,6 +164,11 @@ static void arrives(chip *c, void *owner, uint64_t detail) {
     }
     if (!on(u, RE) || !chip_route(c, u->rx_signal) || too_different(u)) {
         return;
+    }
+    if (u->damaged > 0) {
+        --u->damaged;
+        u->reg[SR] |= FE | NF;
+        byte ^= 0x40u;
     }
     if ((u->reg[SR] & RXNE) != 0) {
         u->reg[SR] |= ORE; /* the byte is lost, DR keeps the old one */
@@ -190,15 +195,15 @@ void usart_receive(usart *u, const uint8_t *data, size_t count, double baud) {
 
 /* --- registers ----------------------------------------------------------------------------------- */
 
-/* First half of the sequences that clear IDLE, ORE and TC. */
+/* First half of the sequences that clear IDLE, the errors and TC. */
 uint32_t usart_read_sr(usart *u) {
     u->status_read = 1;
     return u->reg[SR];
 }
 
-/* Takes the received byte; after a read of SR also clears IDLE and ORE. */
+/* Takes the received byte; after a read of SR also clears IDLE and the errors. */
 uint32_t usart_read_dr(usart *u) {
-    u->reg[SR] &= ~(uint32_t)(RXNE | (u->status_read ? IDLE | ORE : 0));
+    u->reg[SR] &= ~(uint32_t)(RXNE | (u->status_read ? IDLE | ORE | NF | FE : 0));
     u->status_read = 0;
     usart_update_line(u);
     return u->received;

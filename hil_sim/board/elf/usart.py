@@ -70,6 +70,15 @@ class Usart(Peripheral):
         """Bits a second."""
         return self.soc.schedule.frequency / self.bit_cycles
 
+    @property
+    def damaged_bytes(self) -> int:
+        """So many of the next ones arrive with noise and a bad stop bit."""
+        return int(self.shared.damaged)
+
+    @damaged_bytes.setter
+    def damaged_bytes(self, count: int) -> None:
+        self.shared.damaged = count
+
     def receive(self, data: bytes, baud: float) -> None:
         """The other side sends bytes back to back, from now or after what it sends already."""
         lib.usart_receive(self.shared, data, len(data), baud)
@@ -77,11 +86,11 @@ class Usart(Peripheral):
     # --- registers ----------------------------------------------------------------------------------
 
     def read_sr(self) -> int:
-        """First half of the sequences that clear IDLE, ORE and TC."""
+        """First half of the sequences that clear IDLE, the errors and TC."""
         return int(lib.usart_read_sr(self.shared))
 
     def read_dr(self) -> int:
-        """Takes the received byte; after a read of SR also clears IDLE and ORE."""
+        """Takes the received byte; after a read of SR also clears IDLE and the errors."""
         return int(lib.usart_read_dr(self.shared))
 
     def write_sr(self, value: int) -> None:
