@@ -3,7 +3,7 @@ PYTHON ?= $(shell command -v python3.11 || command -v python3)
 VENV   := .venv
 BIN    := $(VENV)/bin
 STAMP  := $(VENV)/.installed
-C_SOURCES := $(wildcard firmware/core/*.[ch] firmware/generated/*.[ch] firmware/boards/native/*.[ch] hil_sim/plant/*.[ch] hil_sim/effects/*.[ch] hil_sim/board/elf/*.[ch])
+C_SOURCES := $(wildcard firmware/core/*.[ch] firmware/generated/*.[ch] firmware/boards/native/*.[ch] hil_sim/plant/*.[ch] hil_sim/board/elf/*.[ch])
 
 .PHONY: help setup demo test lint firmware test-python test-firmware validate clean
 

@@ -41,7 +41,9 @@ def main() -> None:
 @click.option("--each", default=3, show_default=True, help="Studies per known effect and strength.")
 @click.option("--together", default=54, show_default=True, help="Studies with two or three effects.")
 @click.option("--outside", default=5, show_default=True, help="Studies per effect outside the catalogue.")
-@click.option("--clean", default=104, show_default=True, help="Studies with nothing hidden.")
+@click.option("--clean", default=125, show_default=True, help="Studies with nothing hidden.")
+@click.option("--when", default=2, show_default=True, help="Studies per effect in one kind of trials only.")
+@click.option("--situations", default=4, show_default=True, help="Studies per case made by hand.")
 @click.option("--strength", "strengths", type=float, multiple=True, default=STRENGTHS, show_default=True)
 @click.option("--only", default="", help="Those whose effects or part contain this word.")
 @click.option("--seed", "seeds", type=int, multiple=True, help="Those with these seeds; may be repeated.")
@@ -54,6 +56,8 @@ def run(
     together: int,
     outside: int,
     clean: int,
+    when: int,
+    situations: int,
     strengths: tuple[float, ...],
     only: str,
     seeds: tuple[int, ...],
@@ -61,7 +65,7 @@ def run(
     until: str | None,
 ) -> None:
     """Run the studies of a campaign that OUT does not have yet."""
-    cases = plan(first_seed, Sizes(each, together, outside, clean, strengths))
+    cases = plan(first_seed, Sizes(each, together, outside, clean, strengths, when, situations))
     cases = [case for case in cases if only in case.part or any(only in name for name in case.effects)]
     cases = [case for case in cases if not seeds or case.seed in seeds]
     done = {line["seed"] for line in read(out)} if out.exists() else set()

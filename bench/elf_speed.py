@@ -1,6 +1,6 @@
 """The shipping binary in the emulator: speed against real time, instructions per 1 kHz tick.
 
-    .venv/bin/python bench/elf_speed.py [program.elf] [seconds]
+    .venv/bin/python bench/elf_speed.py [firmware.elf] [seconds]
 
 Build the binary first (`make firmware`). One line per carrier: streaming over the serial line, then over CAN.
 """
@@ -17,7 +17,7 @@ from hil_sim.board.elf.budget import TickCounter
 from hil_sim.board.wire import FrameReader, accepts_start, command
 
 ROOT = Path(__file__).resolve().parents[1]
-DEFAULT = ROOT / ".pio" / "build" / "nucleo_f446re" / "program.elf"
+DEFAULT = ROOT / ".pio" / "build" / "nucleo_f446re" / "firmware.elf"
 BLOCK = 100
 
 

@@ -2,7 +2,7 @@
 
     .venv/bin/python bench/firmware_mutants.py run --jobs 2 --markdown docs/validation/mutants.md
     .venv/bin/python bench/firmware_mutants.py run --only DDS
-    .venv/bin/python bench/firmware_mutants.py judge .pio/build/nucleo_f446re/program.elf nucleo
+    .venv/bin/python bench/firmware_mutants.py judge .pio/build/nucleo_f446re/firmware.elf nucleo
 
 A mistake is caught if the binary that has it fails one of the checks in firmware_mutation, or does what the
 emulator refuses. Less than 95 % caught, or a survivor that the list does not explain, is a failure (exit status 1).

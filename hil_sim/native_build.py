@@ -16,11 +16,10 @@ INCLUDE_DIRS = [
     "firmware/generated",
     "firmware/boards/native",
     "hil_sim/plant",
-    "hil_sim/effects",
 ]
 HEADERS = [
     "firmware/boards/native/impid_board.h",
-    "hil_sim/effects/effects.h",
+    "hil_sim/plant/effects.h",
     "hil_sim/plant/plant.h",
 ]
 # -O3 unrolls the stages of the integration: a third faster than -O2 (bench/plant_speed.py).

@@ -9,8 +9,9 @@ import numpy as np
 from hil_sim.effects import catalogue
 from hil_sim.effects.entry import Entry
 from hil_sim.errors import SimError
-from hil_sim.plant.kinematics import joint_angles
+from hil_sim.plant.kinematics import QUARTER_TURN, joint_angles, joints_of
 from hil_sim.plant.perturbation import RATE_HZ, played_perturbation, random_perturbation
+from hil_sim.plant.physics import SPRING, PlantEffects, Term
 from hil_sim.plant.plant import Load, PlantParameters
 from hil_sim.plant.reference import Course, ten_sinusoids
 from hil_sim.scenarios.schema import LoadTruth, Motion, NoiseTable, Scenario, TorqueNoiseTable, Trial
@@ -41,9 +42,22 @@ def effects_in(scenario: Scenario, trial: Trial) -> tuple[Entry, ...]:
     Raises:
         SimError: an effect is not what the catalogue says.
     """
-    entries = [catalogue.entry(one.effect, one.places, one.trials, one.values) for one in scenario.effects]
+    entries = [
+        catalogue.entry(
+            one.effect, one.places, one.trials, one.values, when=one.when, per_trial=one.per_trial
+        )
+        for one in scenario.effects
+    ]
+    for entry in entries:
+        if scenario.setup.robot.single and entry.where != ("joint1",):
+            raise SimError(
+                f'effect {entry.effect}: {scenario.setup.robot.model} has joint1 alone; say where = "joint1"'
+                " or choose another effect"
+            )
     return tuple(
-        entry for entry in entries if catalogue.applies(entry, trial.name, loaded=trial.load is not None)
+        entry
+        for entry in entries
+        if catalogue.applies(entry, trial.name, loaded=trial.load is not None, load=trial.load)
     )
 
 
@@ -69,11 +83,13 @@ def without_effects(scenario: Scenario, trial: Trial, seed: int) -> TrialTruth:
         zero_rad=setup.encoder.zero_rad,
         direction=setup.encoder.direction,
     )
-    return TrialTruth(
+    plain = TrialTruth(
         name=trial.name,
         plant=PlantParameters(
             alpha=world.robot.alpha,
             link_lengths_m=setup.robot.link_lengths_m,
+            believed_lengths_m=setup.robot.link_lengths_m,
+            relative=setup.robot.relative,
             load=load,
             counts_per_rev=encoder.counts_per_rev,
             direction=encoder.direction,
@@ -97,6 +113,34 @@ def without_effects(scenario: Scenario, trial: Trial, seed: int) -> TrialTruth:
         board_rate_ppm=world.clocks.board_ppm,
         duration_s=trial.duration_s,
         seed=seed,
+    )
+    if setup.robot.single:
+        return _on_the_axis(plain)
+    return _weighted(plain, scenario) if setup.robot.gravity_m_s2 else plain
+
+
+def _on_the_axis(truth: TrialTruth) -> TrialTruth:
+    """A single axis carries its load: inertia and damping are parts of its own, the spring holds it.
+
+    The plant's second joint stands aside: nothing couples it, and its drive holds it at zero.
+    """
+    load, a = truth.plant.load, truth.plant.alpha
+    alpha = (a[0] + float(load.M[0, 0]), a[1], a[2], a[3] + float(load.B[0, 0]), a[4])
+    spring = Term(SPRING, 0, size=float(load.K[0, 0]), a=float(load.x0[0]), b=0.0)
+    effects = PlantEffects(terms=(spring,) if spring.size else ())
+    plant = replace(truth.plant, alpha=alpha, load=Load.none(), effects=effects)
+    return replace(truth, plant=plant)
+
+
+def _weighted(truth: TrialTruth, scenario: Scenario) -> TrialTruth:
+    """Where the plane is not level and the laboratory knows it, links, payload and sensor feel that."""
+    gravity = scenario.setup.robot.gravity_m_s2 or (0.0, 0.0)
+    moment = scenario.world.robot.moment_kg_m or truth.plant.likely_moments_kg_m
+    effects = PlantEffects(gravity=gravity, moment=moment)
+    return replace(
+        truth,
+        plant=replace(truth.plant, effects=effects),
+        accelerometer=replace(truth.accelerometer, gravity_m_s2=gravity),
     )
 
 
@@ -130,19 +174,25 @@ def _controller(scenario: Scenario, trial: Trial) -> dict[str, Any]:
 def _course(scenario: Scenario, trial: Trial, load: Load, seed: int) -> Course:
     motion: Motion = scenario.motion.load if trial.load else scenario.motion.free
     centre = np.array(scenario.motion.free_centre_rad)
-    if trial.load:
+    if trial.load and scenario.setup.robot.single:
+        centre = np.array([load.x0[0], 0.0])
+    elif trial.load:
         try:
-            centre = joint_angles(load.x0, scenario.setup.robot.link_lengths_m)
+            links = joint_angles(load.x0, scenario.setup.robot.link_lengths_m)
+            centre = joints_of(links, relative=scenario.setup.robot.relative)
         except ValueError as error:
             raise SimError(f"trial {trial.name}: {error}; move x0_m of load {trial.load}") from None
     if trial.command_csv is not None:
         try:
-            return played_perturbation(Path(trial.command_csv), load.x0, scenario.setup.robot.link_lengths_m)
+            played = played_perturbation(
+                Path(trial.command_csv), load.x0, scenario.setup.robot.link_lengths_m
+            )
+            return replace(played, relative=scenario.setup.robot.relative)
         except ValueError as error:
             raise SimError(f"trial {trial.name}: {error}") from None
     if trial.kind == "stochastic":
         table = scenario.motion.perturbation
-        return random_perturbation(
+        shaken = random_perturbation(
             hold_m=load.x0,
             rms_N=table.rms_N,
             highest_Hz=table.highest_Hz,
@@ -150,6 +200,7 @@ def _course(scenario: Scenario, trial: Trial, load: Load, seed: int) -> Course:
             link_lengths_m=scenario.setup.robot.link_lengths_m,
             generator=generator(seed, "every trial" if table.alike else trial.name, "perturbation"),
         )
+        return replace(shaken, relative=scenario.setup.robot.relative)
     return ten_sinusoids(
         centre_rad=centre,
         range_deg=motion.range_deg,
@@ -193,6 +244,8 @@ def _log(scenario: Scenario, trial: Trial) -> LogTruth:
 
 def _accelerometer(scenario: Scenario) -> AccelerometerTruth:
     nominal, errors = scenario.setup.accelerometer, scenario.world.accelerometer
+    # On a relative robot x' lies along the second link; the plant's angle of it is a quarter turn ahead.
+    behind = QUARTER_TURN if scenario.setup.robot.relative and nominal.mount == "link2" else 0.0
     return AccelerometerTruth(
         zero_g_V=nominal.zero_g_V,
         sensitivity_V_per_g=nominal.sensitivity_V_per_g,
@@ -203,7 +256,7 @@ def _accelerometer(scenario: Scenario) -> AccelerometerTruth:
         offset_mg_per_C=errors.offset_mg_per_C,
         gain_per_C=errors.gain_per_C,
         turns_with_link2=nominal.mount == "link2",
-        mount_angle_rad=nominal.mount_angle_rad + errors.mount_angle_error_rad,
+        mount_angle_rad=nominal.mount_angle_rad + errors.mount_angle_error_rad - behind,
         bandwidth_Hz=errors.bandwidth_Hz,
         noise_density_ug_per_rtHz=errors.noise_density_ug_per_rtHz,
         offset_mg=errors.offset_mg,

@@ -57,8 +57,17 @@ def effects_json(scenario: Scenario, trials: tuple[Trial, ...]) -> list[Json]:
             row = catalogue.ROWS[one.effect]
             units = {parameter.name: parameter.unit for parameter in row.parameters}
             parameters = {k: {"value": v, "unit": units[k]} for k, v in one.values.items()}
-            key = repr((one.effect, one.where, sorted(one.values.items(), key=str)))
-            there = {"effect": one.effect, "where": list(one.where), "parameters": parameters, "trials": []}
+            for name, values in one.per_trial.items():
+                for k, v in values.items():
+                    parameters[k].setdefault("per_trial", {})[name] = v
+            key = repr((one.effect, one.where, one.when, one.trials, sorted(one.values.items(), key=str)))
+            there = {
+                "effect": one.effect,
+                "where": list(one.where),
+                "when": list(one.trials) or one.when,
+                "parameters": parameters,
+                "trials": [],
+            }
             present.setdefault(key, there)["trials"].append(trial.name)
     return list(present.values())
 
@@ -87,7 +96,7 @@ def noise_json(scenario: Scenario) -> Json:
 
 
 def _absolute(noise: NoiseTable | TorqueNoiseTable) -> bool:
-    return noise.kind in ("white", "ar", "pink")
+    return noise.kind in ("white", "ar", "pink", "student")
 
 
 def _total(rms: list[tuple[float, float]]) -> tuple[float, float]:

@@ -5,11 +5,12 @@ calls: for a stretch of board ticks the world runs the plant as far as that need
 and counters read. Rows of the robot's log come out on the side.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from hil_sim.plant.kinematics import joints_of, links_of
 from hil_sim.plant.plant import SUBSTEPS, Motion, Plant, PlantParameters
 from hil_sim.plant.reference import Course
 from hil_sim.seeds import generator
@@ -36,7 +37,10 @@ class TrialTruth:
         plant: robot, load and controller.
         course: what the controller follows.
         inputs: torques, pushes and shifts that time alone decides, one row per tick; see Plant.run. None:
-        none. accelerometer, encoder, force_sensor: the sensors; force_sensor is None where there is none.
+            there are none.
+        accelerometer, encoder, force_sensor: the sensors; force_sensor is None where there is none.
+        board_factor: true angle over the one that setup.toml lets expect of the board's counters, beyond the
+            encoder's own factor.
         accelerometer_delay_s: the acceleration is that of so long ago.
         vref_V: true reference of the converter.
         adc_noise_lsb: its own noise, rms, ahead of rounding.
@@ -66,6 +70,7 @@ class TrialTruth:
     board_rate_ppm: float
     duration_s: float
     seed: int
+    board_factor: tuple[float, float] = (1.0, 1.0)
 
 
 @dataclass(frozen=True)
@@ -87,7 +92,11 @@ class World:
     def __init__(self, truth: TrialTruth) -> None:
         self.truth = truth
         tick_s = truth.plant.tick_s
-        q = truth.encoder.place_of(truth.course.start_rad)
+        self._relative = truth.plant.relative
+        q = links_of(truth.encoder.place_of(truth.course.start_rad), relative=self._relative)
+        beyond = zip(truth.encoder.factor, truth.board_factor, strict=True)
+        first, second = (one * more for one, more in beyond)
+        self._board_encoder = replace(truth.encoder, factor=(first, second))
         self._step_s = truth.plant.true_tick_s / SUBSTEPS
         self._plant = Plant(truth.plant, q)
         self._course = truth.course.ticked(tick_s)
@@ -107,6 +116,7 @@ class World:
             tick_s=tick_s,
             ticks=round(truth.duration_s / tick_s),
             encoder=truth.encoder,
+            relative=truth.plant.relative,
             force_sensor=None
             if sensor is None
             else ForceSensor(
@@ -130,10 +140,12 @@ class World:
         self._from = 0
         self._q = q[None, :].copy()
         self._w = np.zeros((1, 2))
+        self._crept = np.zeros((1, 2))
         if truth.plant.effects is not None:
             # Springs and gravity are held in balance before the trial, not from its first instant on.
             held = self._plant.settle(self._course.ticks(0, 1)[0] * [1.0, 1.0, 0.0, 0.0], SETTLE_TICKS)
             self._q, self._w = held.q[-1:].copy(), held.w[-1:].copy()
+            self._crept = held.crept[-1:].copy()
             self._log.held_before(held)
         self._filtered = self._filter.rest(self._q[0])[None]
         self._drive = np.zeros((0, 2))
@@ -160,7 +172,8 @@ class World:
     def read(self, first_us: int, ticks: int, *, self_test: bool = False) -> Readings:
         """What the board reads in consecutive ticks, the first of them at board time first_us."""
         if self._begin_us is None:
-            count = self.truth.encoder.count(np.repeat(self._q[:1], ticks, axis=0))
+            at = joints_of(self._q[:1], relative=self._relative) + self._crept[:1]
+            count = self._board_encoder.count(np.repeat(at, ticks, axis=0))
             # Rest, or nearly: the plane may be inclined.
             filtered = np.repeat(self._filtered[:1], ticks * CONVERSIONS, axis=0)
         else:
@@ -170,7 +183,7 @@ class World:
             felt = np.maximum(place - self._late, 0.0)
             self._advance_past(float(max(place[-1], felt[-1])))
             filtered = self._filtered_at(felt)
-            count = self.truth.encoder.count(self._q_at(place[CONVERSIONS - 1 :: CONVERSIONS]))
+            count = self._board_encoder.count(self._seen_at(place[CONVERSIONS - 1 :: CONVERSIONS]))
             self._forget(float(min(place[-1], felt[-1])))
         count = count + self._miscounted(ticks)
         volts = self._output.volts(filtered, self_test=self_test)
@@ -187,7 +200,7 @@ class World:
         """
         true_s = self._board_clock.true_time(since_s)
         robot = self.truth.robot_clock
-        if robot.drift_s or robot.wander_ppm:
+        if not robot.steady:
             true_s = true_s + robot.ahead(true_s) / robot.rate
         return np.asarray(np.maximum(true_s / self._step_s, 0.0))
 
@@ -233,6 +246,7 @@ class World:
         drive, filtered = self._filter.drive(q, motion.acceleration, w)
         self._q = np.concatenate([self._q, motion.q])
         self._w = np.concatenate([self._w, motion.w])
+        self._crept = np.concatenate([self._crept, motion.crept])
         self._filtered = np.concatenate([self._filtered, filtered])
         self._drive = np.concatenate([self._drive, drive])
 
@@ -244,8 +258,15 @@ class World:
         drive = self._drive[index]
         return drive + (self._filtered[index] - drive) * decay[:, None]
 
+    def _seen_at(self, place: Array) -> Array:
+        """What the encoders turn by between grid points, rad: the joints, and what they run ahead by."""
+        whole = place.astype(np.int64)
+        index, u = whole - self._from, (place - whole)[:, None]
+        crept = self._crept[index] + u * (self._crept[index + 1] - self._crept[index])
+        return joints_of(self._q_at(place), relative=self._relative) + crept
+
     def _q_at(self, place: Array) -> Array:
-        """Joint angles between grid points: the cubic through angles and speeds at both ends."""
+        """Angles of the links between grid points: the cubic through angles and speeds at both ends."""
         whole = place.astype(np.int64)
         index = whole - self._from
         u = (place - whole)[:, None]
@@ -260,5 +281,6 @@ class World:
         self._from += gone
         self._q = self._q[gone:]
         self._w = self._w[gone:]
+        self._crept = self._crept[gone:]
         self._filtered = self._filtered[gone:]
         self._drive = self._drive[gone:]

@@ -21,7 +21,9 @@ from PIL import Image
 from hil_sim.effects import catalogue
 from hil_sim.effects.residuals import EVERY, causes, residuals
 from hil_sim.scenarios.random import SMALL, random_scenario
+from hil_sim.scenarios.schema import Trial
 from hil_sim.trials import effects_in, without_effects
+from hil_sim.world import TrialTruth
 
 OUT = Path(__file__).resolve().parents[1] / "docs" / "img" / "effects"
 SEED, STRENGTH = 21, 12.0
@@ -46,11 +48,18 @@ TAU1_BEND: Cause = (
     "second derivative of the torque on joint 1 (N m/s^2)",
     lambda e: np.gradient(np.gradient(e["tau"][:, 0])) * RATE_HZ**2,
 )
+FX: Cause = ("force of the load along x (N)", lambda e: e["force"][:, 0])
+FY: Cause = ("force of the load along y (N)", lambda e: e["force"][:, 1])
+FX_RATE: Cause = ("rate of the load's force (N/s)", lambda e: np.gradient(e["force"][:, 0], 1.0 / RATE_HZ))
 S1: Cause = ("specific force along axis 1 (m/s^2)", lambda e: e["specific"][:, 0])
 S2: Cause = ("specific force along axis 2 (m/s^2)", lambda e: e["specific"][:, 1])
 S1_RATE: Cause = (
     "rate of specific force along axis 1 (m/s^3)",
     lambda e: np.gradient(e["specific"][:, 0], 1.0 / RATE_HZ),
+)
+SWING1: Cause = (
+    "turning acceleration of link 1 (rad/s^2)",
+    lambda e: np.gradient(e["w"][:, 0], 1.0 / RATE_HZ),
 )
 SWING2: Cause = (
     "turning acceleration of link 2 (rad/s^2)",
@@ -65,24 +74,35 @@ SIGNATURES: dict[str, tuple[str, Cause]] = {
     "friction.asymmetric": ("tau1", W1),
     "friction.quadratic": ("tau1", W1),
     "friction.position": ("tau1", Q1),
+    "friction.load": ("tau1", TAU1),
+    "friction.presliding": ("tau1", Q1),
     "elastic.cartesian": ("fsx", X),
     "elastic.joint": ("tau1", Q1),
     "elastic.transmission": ("tau1", TAU1_BEND),
     "damping.cartesian": ("fsx", VX),
     "gravity.tilt": ("a1", TIME),
     "inertia.extra": ("fsx", AX),
+    "gravity.link": ("tau1", Q1),
+    "geometry.link_length": ("a2", SWING1),
     "actuator.gain": ("tau1", TAU1),
     "actuator.offset": ("tau1", Q1),
     "actuator.cogging": ("tau1", Q1),
     "actuator.delay": ("tau1", TAU1_RATE),
+    "actuator.lag": ("tau1", TAU1_RATE),
     "accel.misalignment": ("a1", S2),
     "accel.scale": ("a1", S1),
     "accel.bias": ("a1", S1),
     "accel.cross_axis": ("a1", S2),
     "accel.delay": ("a1", S1_RATE),
     "accel.lever_arm": ("a1", SWING2),
+    "force.scale": ("fsx", FX),
+    "force.misalignment": ("fsx", FY),
+    "force.cross_axis": ("fsx", FY),
+    "force.bias": ("fsx", TIME),
+    "force.delay": ("fsx", FX_RATE),
     "encoder.eccentricity": ("a1", S2),
     "encoder.zero": ("a1", S2),
+    "encoder.scale": ("a2", SWING1),
     "clock.drift": ("tau1", TIME),
     "load.damping": ("fx", VX),
     "load.stiffness_cubic": ("fx", X),
@@ -91,6 +111,7 @@ SIGNATURES: dict[str, tuple[str, Cause]] = {
     "load.delay": ("fx", X),
     "load.drift": ("fx", TIME),
     "load.coupling": ("fx", Y),
+    "load.time_varying": ("fx", TIME),
     "outside.torque_bump": ("tau1", Q1),
     "outside.resonance": ("tau1", TIME),
     "outside.periodic": ("tau1", TIME),
@@ -102,25 +123,47 @@ SIGNATURES: dict[str, tuple[str, Cause]] = {
     "outside.torque_stuck": ("tau1", TIME),
     "outside.push": ("fx", TIME),
     "outside.one_trial": ("tau1", W1),
+    "outside.torque_constant": ("fsx", FX),
+    "outside.capstan_creep": ("a1", TIME),
+    "outside.cable_hysteresis": ("fsx", X),
+    "outside.bracket": ("a1", TIME),
 }
-UNITS = {"tau1": "N m", "fx": "N", "fsx": "N", "a1": "m/s^2"}
+UNITS = {"tau1": "N m", "fx": "N", "fsx": "N", "a1": "m/s^2", "a2": "m/s^2"}
 WORDS = {
     "tau1": "torque on joint 1\nbeyond the model",
     "fx": "virtual force less\nthe load's, x",
     "fsx": "virtual less\nmeasured force, x",
     "a1": "accelerometer less\nencoders, axis 1",
+    "a2": "accelerometer less\nencoders, axis 2",
 }
-PLACE = {"accel.scale": "@x", "accel.bias": "@x", "accel.cross_axis": "@x"}
+PLACE = {
+    "accel.scale": "@x",
+    "accel.bias": "@x",
+    "accel.cross_axis": "@x",
+    "force.scale": "@x",
+    "force.cross_axis": "@x",
+    "force.bias": "@x",
+}
 
 
 def draw(name: str) -> None:
     """One picture."""
     channel, (label, cause) = SIGNATURES[name]
     scenario, reached = random_scenario(SEED, SMALL, (name + PLACE.get(name, ""),), STRENGTH)
-    wanted = [trial for trial in scenario.trials if (trial.load is None) == (channel in ("tau1", "a1"))]
-    trial = next(one for one in wanted if effects_in(scenario, one))
-    clean = without_effects(scenario, trial, SEED)
-    hidden = catalogue.apply(clean, effects_in(scenario, trial))
+    wanted = [trial for trial in scenario.trials if (trial.load is None) == (channel in ("tau1", "a1", "a2"))]
+
+    def pair(trial: Trial) -> tuple[TrialTruth, TrialTruth]:
+        clean = without_effects(scenario, trial, SEED)
+        return catalogue.apply(clean, effects_in(scenario, trial)), clean
+
+    def shown(hidden: TrialTruth, clean: TrialTruth) -> float:
+        change = residuals(hidden, clean).channel[channel] - residuals(clean, clean).channel[channel]
+        return float(np.mean(change**2))
+
+    # What differs from trial to trial is drawn where it shows.
+    hidden, clean = max(
+        (pair(one) for one in wanted if effects_in(scenario, one)), key=lambda two: shown(*two)
+    )
     figure, axes = plt.subplots(figsize=(3.4, 2.2), dpi=80, layout="constrained")
     for truth, colour, size in ((hidden, "C0", 1.6), (clean, "0.6", 1.0)):
         left = residuals(truth, clean).channel[channel]

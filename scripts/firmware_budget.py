@@ -177,7 +177,7 @@ def stack_rows(elf: Path) -> list[tuple[str, int, list[str]]]:
 
 def judge(board: str) -> tuple[bool, list[str]]:
     """Whether one board is within all budgets, and its account in lines."""
-    elf = ROOT / ".pio" / "build" / board / "program.elf"
+    elf = ROOT / ".pio" / "build" / board / "firmware.elf"
     if not elf.is_file():
         raise BudgetError(f"{elf.relative_to(ROOT)} is missing; run scripts/firmware_build.sh")
     sizes = section_sizes(elf)

@@ -2,8 +2,9 @@
 # Lay PlatformIO's own tools into the project where its registry cannot be reached.
 #
 # Where the registry answers, nothing is done: PlatformIO fetches what it needs by itself. Elsewhere its
-# build tool SCons comes from the Python package index and Unity from Debian's source package cjson, which
-# carries it for its own tests. Everything goes to .pio-core/ and .pio/ of this checkout; the user's own
+# build tool SCons comes from the Python package index, Unity from Debian's source package cjson, which
+# carries it for its own tests, and for its platform ststm32 and that platform's compiler firmware/pio/ststm32 stands
+# in, with the compiler that the system has. Everything goes to .pio-core/ and .pio/ of this checkout; the user's own
 # PlatformIO home and the system's package sources stay as they are.
 #
 # PlatformIO wants Unity in every environment of a project that has tests, even where none is run.
@@ -21,6 +22,7 @@ environments=${*:-native qemu_cortex_m4 nucleo_f446re custom_f446re}
 scons=4.11.1
 scons_package=4.41101.0
 unity_package=2.6.1
+compiler_package=1.120301.0 # by name: which one it is, the system decides
 
 scons_folder=$PLATFORMIO_CORE_DIR/packages/tool-scons
 unity_source=$PLATFORMIO_CORE_DIR/unity
@@ -81,6 +83,22 @@ fetch_unity() {
         "$unity_package" >"$unity_source/.piopm"
 }
 
+# Laid anew each time: it is small, and the checkout's may have changed.
+lay_ststm32() {
+    platform=$PLATFORMIO_CORE_DIR/platforms/ststm32
+    compiler=$PLATFORMIO_CORE_DIR/packages/toolchain-gccarmnoneeabi
+    version=$(sed -n 's/^  "version": "\(.*\)",$/\1/p' firmware/pio/ststm32/platform.json)
+    rm -rf "$platform" "$compiler"
+    mkdir -p "$PLATFORMIO_CORE_DIR/platforms" "$compiler"
+    cp -R firmware/pio/ststm32 "$platform"
+    printf '{"type": "platform", "name": "ststm32", "version": "%s", "spec": {"owner": "platformio", "id": null, "name": "ststm32", "requirements": null, "uri": null}}\n' \
+        "$version" >"$platform/.piopm"
+    printf '{"name": "toolchain-gccarmnoneeabi", "version": "%s", "description": "The compiler of the system"}\n' \
+        "$compiler_package" >"$compiler/package.json"
+    printf '{"type": "tool", "name": "toolchain-gccarmnoneeabi", "version": "%s", "spec": {"owner": "platformio", "id": null, "name": "toolchain-gccarmnoneeabi", "requirements": null, "uri": null}}\n' \
+        "$compiler_package" >"$compiler/.piopm"
+}
+
 if [ ! -f "$scons_folder/.piopm" ] && registry_answers; then
     exit 0
 fi
@@ -93,6 +111,7 @@ if [ ! -f "$scons_folder/.bootstrapped" ]; then
     touch "$scons_folder/.bootstrapped"
 fi
 [ -f "$unity_source/.piopm" ] || fetch_unity
+lay_ststm32
 for environment in $environments; do
     libdeps=$root/.pio/libdeps/$environment
     if [ ! -f "$libdeps/Unity/.piopm" ]; then

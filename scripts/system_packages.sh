@@ -11,6 +11,7 @@ declare -A program_of=(
   [clang-format]=clang-format
   [clang-tidy]=clang-tidy
   [clang]=clang
+  [cargo]=cargo
   [chromium]=chromium
 )
 

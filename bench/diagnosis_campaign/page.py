@@ -24,6 +24,53 @@ def page(summary: Json, command: str) -> str:
         _groups(s["strengths"], "strength"),
         "## Two and three effects together",
         _groups(s["together"], "effects"),
+        "## In free trials or under load only",
+        _table(
+            (
+                "effect in",
+                "right or a correct tie at 2 floors and above",
+                "95 % interval",
+                "named with the right trials",
+                "verdicts",
+            ),
+            [
+                (
+                    f"{name} trials",
+                    f"{row['right_or_tie']['count']} of {row['right_or_tie']['of']}",
+                    _interval(row["right_or_tie"]),
+                    f"{row['when_right']['count']} of {row['when_right']['of']}",
+                    _words(row["verdicts"]),
+                )
+                for name, row in s["when"].items()
+            ],
+        ),
+        "## Cases made by hand",
+        _table(
+            ("case", "verdicts", "intervals of K that hold the truth", "found"),
+            [
+                (
+                    name,
+                    _words(row["verdicts"]),
+                    f"{row['K']['count']} of {row['K']['of']}",
+                    "; ".join(row["found"]),
+                )
+                for name, row in s["situations"].items()
+            ],
+        ),
+        "## Names by the confidence given with them",
+        _table(
+            ("confidence", "mean", "right", "share", "95 % interval"),
+            [
+                (
+                    name,
+                    _number(row["mean"]),
+                    f"{row['count']} of {row['of']}",
+                    _percent(row["share"]),
+                    _interval(row),
+                )
+                for name, row in s["reliability"].items()
+            ],
+        ),
         "## By kind of noise, force sensor and encoder",
         _table(
             ("torque noise", "right or a correct tie at 2 floors and above", "95 % interval"),
@@ -35,6 +82,14 @@ def page(summary: Json, command: str) -> str:
                     _interval(row),
                 )
                 for name, row in s["force_sensor"].items()
+            ]
+            + [
+                (
+                    f"any, payloads {'weighed' if name == 'true' else 'not weighed'}",
+                    f"{row['count']} of {row['of']}",
+                    _interval(row),
+                )
+                for name, row in s["weighed"].items()
             ]
             + [
                 (

@@ -1,34 +1,24 @@
 """One study, from a seed to a line of the campaign's file."""
 
+import os
 import shutil
 import tempfile
-import time
 from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-from impid_host.diagnosis import proof
-from impid_host.diagnosis.base import base_of
-from impid_host.diagnosis.diagnose import diagnose
-from impid_host.diagnosis.holdout import hold_out
-from impid_host.diagnosis.prepare import views
-from impid_host.diagnosis.result import Diagnosis
-from impid_host.errors import ImpidError
-from impid_host.robot.model import robot_model
-from impid_host.study.folder import read_study
-from impid_host.study.model import Study
-
 from diagnosis_campaign.accuracy import bias, parameters
+from diagnosis_campaign.answer import NoAnswerError, acts_in, ask, findings, label
 from diagnosis_campaign.cases import Case
 from diagnosis_campaign.verdict import judged
+from hil_sim.effects import catalogue
 from hil_sim.effects.entry import Entry
 from hil_sim.errors import SimError
 from hil_sim.scenarios.random import SMALL, random_scenario
 from hil_sim.scenarios.schema import Scenario
 from hil_sim.study.write import write_study
-from hil_sim.trials import effects_in
+from hil_sim.trials import effects_in, without_effects
 
 Json = dict[str, Any]
 
@@ -37,17 +27,16 @@ def run(case: Case) -> Json:
     """The line of one study. Whatever goes wrong on the way is a line too."""
     line: Json = asdict(case)
     folder = Path(tempfile.mkdtemp(prefix="impid-campaign-"))
-    begin = time.process_time()
     try:
+        begin = _cpu_s()
         scenario, reached = _laboratory(case, case.effects)
         line["reached"] = reached
-        study = _simulated(scenario, folder / "study", case.seed)
-        floor = _floor(case, folder / "clean", study)
-        simulated = time.process_time()
-        answer = diagnose(study)
-        line |= judgement(case, scenario, answer, floor)
-        line["seconds"] = {"simulate": simulated - begin, "diagnose": time.process_time() - simulated}
-    except (SimError, ImpidError) as error:
+        write_study(scenario, folder / "study", case.seed)
+        simulated = _cpu_s()
+        answer = ask(folder / "study")
+        line["seconds"] = {"simulate": simulated - begin, "diagnose": _cpu_s() - simulated}
+        line |= judgement(scenario, answer, _floor(case, folder, answer))
+    except (SimError, NoAnswerError) as error:
         line |= {"verdict": "error", "error": str(error)}
     except Exception as error:
         line |= {"verdict": "error", "error": f"{type(error).__name__}: {error}"}
@@ -56,41 +45,82 @@ def run(case: Case) -> Json:
     return line
 
 
-def judgement(case: Case, scenario: Scenario, answer: Diagnosis, floor: Mapping[str, float]) -> Json:
+def judgement(scenario: Scenario, answer: Json, floor: Mapping[str, float]) -> Json:
     """Verdict, errors and biases of an answer."""
     hidden = _hidden(scenario)
-    first, last = answer.stages[0], answer.stages[-1]
-    findings = [stage.added for stage in answer.stages if stage.added is not None]
-    found = [f"{one.effect}@{'+'.join(one.where)}" for one in findings]
-    ties = [list(tie.candidates) for tie in answer.ambiguous]
-    verdict = judged(case.effects, found, ties, structure=bool(answer.structure))
+    laboratory = without_effects(scenario, scenario.trials[0], 0)
+    first, last = answer["stages"][0], answer["stages"][-1]
+    added = findings(answer)
+    found = [label(one) for one in added]
+    truth = [f"{one.effect}@{'+'.join(one.where)}" for one in hidden.values()]
+    ties = [list(tie["candidates"]) for tie in answer.get("ambiguous", [])]
+    structure = [row["words"] for row in answer["unexplained"]["structure"]]
+    verdict = judged(truth, found, ties, structure=bool(structure))
+    by_host = {name: value for name, value in answer.get("noise_floor", {}).items() if value}
     return {
         "truth": [
-            {"effect": one.effect, "where": list(one.where), "trials": list(one.trials), **one.values}
+            {
+                "effect": one.effect,
+                "where": list(one.where),
+                "when": list(one.trials) or one.when,
+                "per_trial": one.per_trial,
+                **one.values,
+            }
             for one in hidden.values()
         ],
+        "hidden": truth,
         "verdict": verdict.word,
         "first_right": verdict.first_right,
         "place_right": verdict.place_right,
+        "when_right": _when_right(scenario, hidden, added),
         "tied": verdict.tied,
         "found": found,
+        "when": [one.get("when", "all") for one in added],
+        "confidence": [one["evidence"].get("confidence") for one in added],
         "ties": ties,
-        "structure": [row.words for row in answer.structure],
-        "notes": list(answer.notes),
+        "structure": structure,
+        "sentence": answer.get("verdict", ""),
+        "notes": list(answer.get("notes", [])),
         "over_floor": {
-            "before": {name: value / floor[name] for name, value in first.rms.items()},
-            "after": {name: value / floor[name] for name, value in last.rms.items()},
-            "by_host": {name: value / answer.floor[name] for name, value in last.rms.items()},
+            "before": {name: value / floor[name] for name, value in first["validation_rms"].items()},
+            "after": {name: value / floor[name] for name, value in last["validation_rms"].items()},
+            "by_host": {
+                name: value / by_host[name]
+                for name, value in last["validation_rms"].items()
+                if name in by_host
+            },
+            "floor_by_host": {name: value / floor[name] for name, value in by_host.items() if name in floor},
         },
         "bias": {"before": bias(first, scenario), "after": bias(last, scenario)},
         "parameters": {
-            one.effect: parameters(one, hidden[one.effect]) for one in findings if one.effect in hidden
+            one["effect"]: parameters(one, hidden[one["effect"]], laboratory)
+            for one in added
+            if one["effect"] in hidden
         },
     }
 
 
 def _hidden(scenario: Scenario) -> dict[str, Entry]:
     return {one.effect: one for trial in scenario.trials for one in effects_in(scenario, trial)}
+
+
+def _when_right(scenario: Scenario, hidden: Mapping[str, Entry], added: list[Json]) -> bool | None:
+    """Whether every hidden effect that was named is said to act in the trials that have it; None: none was."""
+    loads = {trial.name: trial.load for trial in scenario.trials}
+    answers = []
+    for one in added:
+        entry = hidden.get(one["effect"])
+        if entry is None:
+            continue
+        has = {
+            name
+            for name, load in loads.items()
+            if catalogue.applies(entry, name, loaded=load is not None, load=load)
+        }
+        row = catalogue.ROWS[entry.effect]
+        possible = {name for name, load in loads.items() if load is not None or not row.loaded_only}
+        answers.append(acts_in(one, loads) & possible == has)
+    return all(answers) if answers else None
 
 
 def _laboratory(case: Case, effects: tuple[str, ...]) -> tuple[Scenario, dict[str, float]]:
@@ -102,27 +132,22 @@ def _laboratory(case: Case, effects: tuple[str, ...]) -> tuple[Scenario, dict[st
         noise=case.noise,
         force_sensor=case.force_sensor,
         counts_per_rev=case.counts_per_rev,
+        weighed=case.weighed,
+        torque_quantum_Nm=case.torque_step_Nm,
     )
 
 
-def _simulated(scenario: Scenario, folder: Path, seed: int) -> Study:
-    write_study(scenario, folder, seed)
-    return read_study(folder)
-
-
-def _floor(case: Case, folder: Path, study: Study) -> dict[str, float]:
-    """What the same laboratory's papers' model leaves on held-out data, same noise, with nothing hidden."""
+def _floor(case: Case, folder: Path, answer: Json) -> dict[str, float]:
+    """What the model without additions leaves on held-out data of the same laboratory with nothing hidden."""
     if case.effects:
         clean, _ = _laboratory(case, ())
-        study = _simulated(clean, folder, case.seed)
-    model = robot_model(study.setup.robot)
-    parts, _ = views(study, model)
-    answer = proof.report(
-        parts,
-        [],
-        base_of(parts, model),
-        hold_out(parts),
-        handle_mass_kg=study.setup.handle_mass_kg,
-        prior=None,
-    )
-    return {name: float(np.maximum(value, 1e-12)) for name, value in answer[2].items()}
+        write_study(clean, folder / "clean", case.seed)
+        answer = ask(folder / "clean")
+    rms: dict[str, float] = answer["stages"][0]["validation_rms"]
+    return {name: max(value, 1e-12) for name, value in rms.items()}
+
+
+def _cpu_s() -> float:
+    """Processor time of this process and those that it ran."""
+    spent = os.times()
+    return spent.user + spent.system + spent.children_user + spent.children_system

@@ -82,6 +82,48 @@ def accuracy_of(lines: Sequence[Json], quantity: str, when: str) -> Json:
     }
 
 
+INSTRUMENTS = frozenset({"accel", "actuator", "clock", "encoder", "force", "geometry"})
+
+
+def on_a_wrong_instrument(line: Json) -> bool:
+    """An instrument or a declared constant was named that is in order, and no tie says that it may be."""
+    hidden = {label.partition("@")[0] for label in line["effects"]}
+    accused = {label.partition("@")[0] for label in line.get("found", [])} - hidden
+    return not is_right(line) and any(name.partition(".")[0] in INSTRUMENTS for name in accused)
+
+
+def stiffness_covered(lines: Sequence[Json]) -> Json:
+    """How many of the last stages' intervals of K hold the truth."""
+    rows = [line["bias"]["after"]["K"] for line in lines if "K" in line.get("bias", {}).get("after", {})]
+    count, of = sum(row["covered"] for row in rows), sum(row["of"] for row in rows)
+    low, high = wilson(count, of)
+    return {"count": count, "of": of, "share": count / of if of else None, "ci95": [low, high]}
+
+
+def reliability(lines: Sequence[Json]) -> Json:
+    """Of names given with a confidence, by tenths of it: how many were right."""
+    given = [
+        (confidence, label.partition("@")[0] in {one.partition("@")[0] for one in line["effects"]})
+        for line in lines
+        for label, confidence in zip(line.get("found", []), line.get("confidence", []), strict=False)
+        if confidence is not None
+    ]
+    result: Json = {}
+    for tenth in range(10):
+        inside = [right for confidence, right in given if min(int(10 * confidence), 9) == tenth]
+        if inside:
+            low, high = wilson(sum(inside), len(inside))
+            mean = np.mean([c for c, _ in given if min(int(10 * c), 9) == tenth])
+            result[f"{tenth / 10:g} to {(tenth + 1) / 10:g}"] = {
+                "mean": float(mean),
+                "count": sum(inside),
+                "of": len(inside),
+                "share": sum(inside) / len(inside),
+                "ci95": [low, high],
+            }
+    return result
+
+
 def group(lines: Sequence[Json]) -> Json:
     """All that is said of a set of studies with something hidden."""
     ratios = {when: [over_floor(line, when) for line in lines] for when in ("before", "after")}
@@ -136,7 +178,7 @@ def judged_again(line: Json) -> Json:
     """The line with the verdict of today's rules."""
     if line["verdict"] == "error":
         return line
-    verdict = judged(line["effects"], line["found"], line["ties"], structure=bool(line["structure"]))
+    verdict = judged(line["hidden"], line["found"], line["ties"], structure=bool(line["structure"]))
     return {
         **line,
         "verdict": verdict.word,
@@ -151,9 +193,9 @@ def summary(lines: Sequence[Json]) -> Json:
     lines = [judged_again(line) for line in lines]
     part = {
         name: [line for line in lines if line["part"] == name]
-        for name in ("known", "together", "outside", "clean")
+        for name in ("known", "when", "together", "outside", "clean", "situation")
     }
-    hidden = part["known"] + part["together"]
+    hidden = part["known"] + part["when"] + part["together"]
     effects = sorted({label.split("@")[0] for line in part["known"] for label in line["effects"]})
     unknown = sorted({label.split("@")[0] for line in part["outside"] for label in line["effects"]})
 
@@ -174,6 +216,22 @@ def summary(lines: Sequence[Json]) -> Json:
                 [line for line in part["together"] if clear(line)], is_right
             )
             | {"goal": ">= 95 %"},
+            "right or a correct tie, one effect in free trials or under load only": rate(
+                [line for line in part["when"] if clear(line)], is_right
+            )
+            | {"goal": ">= 95 %"},
+            "an instrument that is in order was named": rate(
+                [line for line in hidden + part["outside"] if clear(line)], on_a_wrong_instrument
+            )
+            | {"goal": "<= 1 %"},
+            "intervals of K that hold the truth, last stage": stiffness_covered(
+                [line for line in hidden if clear(line)]
+            )
+            | {"goal": "93 to 97 %"},
+            "intervals of K that hold the truth, effects outside the catalogue": stiffness_covered(
+                part["outside"]
+            )
+            | {"goal": ">= 90 %"},
             "false alarms": rate(part["clean"], is_false_alarm) | {"goal": "<= 2 %"},
             "outside the catalogue, pinned on a name": rate(
                 part["outside"], lambda line: line["verdict"] in ("pinned", "error")
@@ -199,6 +257,28 @@ def summary(lines: Sequence[Json]) -> Json:
             f"{count}": group([line for line in part["together"] if len(line["effects"]) == count])
             for count in (2, 3)
         },
+        "when": {
+            kind: {
+                "right_or_tie": rate([line for line in some if clear(line)], is_right),
+                "when_right": rate(
+                    [line for line in some if line.get("when_right") is not None],
+                    lambda line: bool(line["when_right"]),
+                ),
+                "verdicts": verdicts(some),
+            }
+            for kind in ("free", "load")
+            for some in [[line for line in part["when"] if line["effects"][0].endswith(":" + kind)]]
+        },
+        "situations": {
+            name: {
+                "verdicts": verdicts(some),
+                "K": stiffness_covered(some),
+                "found": sorted({" + ".join(line.get("found", [])) or "nothing" for line in some}),
+            }
+            for name in dict.fromkeys(line["situation"] for line in part["situation"])
+            for some in [[line for line in part["situation"] if line["situation"] == name]]
+        },
+        "reliability": reliability(hidden),
         "outside": {name: verdicts(of(part["outside"], name)) for name in unknown},
         "clean": {
             noise: verdicts([line for line in part["clean"] if line["noise"] == noise])
@@ -223,6 +303,12 @@ def summary(lines: Sequence[Json]) -> Json:
         "force_sensor": {
             str(there).lower(): rate(
                 [line for line in hidden if line["force_sensor"] is there and clear(line)], is_right
+            )
+            for there in (True, False)
+        },
+        "weighed": {
+            str(there).lower(): rate(
+                [line for line in hidden if line["weighed"] is there and clear(line)], is_right
             )
             for there in (True, False)
         },

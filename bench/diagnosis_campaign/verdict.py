@@ -4,7 +4,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 NO_NAME = "unattributed"
-_BOTH_AXES = frozenset({"accel.scale", "accel.bias", "accel.cross_axis"})
+_BOTH_AXES = frozenset(
+    f"{sensor}.{error}" for sensor in ("accel", "force") for error in ("scale", "bias", "cross_axis")
+)
 
 Places = Mapping[str, frozenset[str]]
 
@@ -69,6 +71,8 @@ def _word(hidden: set[str], named: set[str], ties: Sequence[set[str]], *, struct
         return "false alarm" if named else "false structure" if structure else "right"
     if any(name.startswith("outside.") for name in hidden):
         return "pinned" if named else "described" if structure else "unseen"
+    if not named and any(hidden <= tie for tie in ties):
+        return "tie"
     if not named:
         return "unattributed" if structure else "missed"
     if named == hidden:

@@ -41,7 +41,7 @@ static answer_t info(const impid_core_t *core, uint8_t item) {
     case IMPID_MESSAGES_COMMAND_ITEM_FULL_SCALE_CODE_CHOICE:
         return ok(IMPID_FULL_SCALE_CODE);
     case IMPID_MESSAGES_COMMAND_ITEM_VREF_MV_CHOICE:
-        return ok(config->vref_mV);
+        return ok(core->port->health(core->port->context).supply_mV);
     case IMPID_MESSAGES_COMMAND_ITEM_BATCH_SAMPLES_CHOICE:
         return ok(IMPID_BATCH_SAMPLES);
     case IMPID_MESSAGES_COMMAND_ITEM_OVERSAMPLING_CHOICE:
@@ -97,7 +97,7 @@ static answer_t self_test(impid_core_t *core) {
     if (impid_stream_active(&core->stream) || impid_selftest_running(&core->selftest)) {
         return refused(IMPID_MESSAGES_RESPONSE_RESULT_BUSY_CHOICE);
     }
-    impid_selftest_begin(&core->selftest);
+    impid_selftest_begin(&core->selftest, core->port->health(core->port->context).supply_mV);
     impid_sampler_start(&core->sampler, core->config.first_index);
     return ok(0u);
 }

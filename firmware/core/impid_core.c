@@ -13,7 +13,7 @@ void impid_core_init(impid_core_t *core, const impid_core_config_t *config, cons
     impid_sampler_init(&core->sampler);
     impid_timebase_init(&core->timebase, config->boot_us);
     impid_stream_init(&core->stream, config->boot_id, config->first_index);
-    impid_selftest_init(&core->selftest, config->vref_mV);
+    impid_selftest_init(&core->selftest);
     impid_frame_parser_init(&core->parser);
     if (core->config.trace != NULL) {
         impid_trace_begin(core->config.trace, config->boot_id);

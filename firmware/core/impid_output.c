@@ -36,6 +36,10 @@ static impid_status_t gather_status(impid_core_t *core, impid_carrier_t carrier)
                 .tx_errors = health.tx_errors,
                 .rx_errors = health.rx_errors,
                 .uptime_s = (uint32_t)((impid_output_now_us(core) - core->config.boot_us) / 1000000u)},
+        .losses = {.line_errors = health.line_errors,
+                   .can_overruns = health.can_overruns,
+                   .adc_overruns = health.adc_overruns,
+                   .dma_errors = health.dma_errors},
     };
 }
 
@@ -65,8 +69,9 @@ void impid_output_status(impid_core_t *core, impid_carrier_t carrier) {
         return;
     }
     for (uint32_t n = 0; n < IMPID_STATUS_MESSAGES; n++) {
-        (void)impid_link_send_can(&core->links[carrier], core->port, impid_status_message_id(n),
-                                  &record[8u * n]);
+        uint32_t at;
+        uint16_t id = impid_status_message_id(n, &at);
+        (void)impid_link_send_can(&core->links[carrier], core->port, id, &record[at]);
     }
 }
 

@@ -28,11 +28,15 @@ typedef struct {
     uint16_t bus_off;       /* times the controller left the bus since boot */
     uint8_t tx_errors;      /* the controller's transmit error counter */
     uint8_t rx_errors;      /* the controller's receive error counter */
-    uint16_t supply_mV;     /* supply of the accelerometer, 0: not measured */
+    uint16_t supply_mV;     /* of the accelerometer, which is the converter's reference; 0: not measured */
     uint16_t worst_tick_us; /* longest run of the sampling interrupt since boot */
     uint32_t sync_us;       /* the counter at the last edge on the sync input */
     uint32_t sync_count;    /* samples flagged with an edge since boot */
     uint32_t rejected;      /* commands that arrived and found no room in the port, since boot */
+    uint16_t line_errors;   /* bursts on the serial line with a framing, noise or overrun error, since boot */
+    uint16_t can_overruns;  /* times the controller lost a command before it could be fetched, since boot */
+    uint16_t adc_overruns;  /* resets because conversions were not fetched, since power-on */
+    uint16_t dma_errors;    /* resets because a transfer failed, since power-on */
 } impid_port_health_t;
 
 typedef struct {

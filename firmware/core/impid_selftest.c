@@ -4,14 +4,14 @@
 
 #include <string.h>
 
-void impid_selftest_init(impid_selftest_t *selftest, uint16_t supply_mV) {
+void impid_selftest_init(impid_selftest_t *selftest) {
     memset(selftest, 0, sizeof *selftest);
-    selftest->supply_mV = supply_mV;
     selftest->verdict = IMPID_MESSAGES_STATUS_HEALTH_SELF_TEST_NOT_RUN_CHOICE;
 }
 
-void impid_selftest_begin(impid_selftest_t *selftest) {
-    impid_selftest_init(selftest, selftest->supply_mV);
+void impid_selftest_begin(impid_selftest_t *selftest, uint16_t supply_mV) {
+    impid_selftest_init(selftest);
+    selftest->supply_mV = supply_mV;
     selftest->phase = IMPID_SELFTEST_BEFORE;
     selftest->verdict = IMPID_MESSAGES_STATUS_HEALTH_SELF_TEST_RUNNING_CHOICE;
 }

@@ -38,8 +38,9 @@ typedef struct {
     uint8_t verdict; /* as STATUS_HEALTH.self_test */
 } impid_selftest_t;
 
-void impid_selftest_init(impid_selftest_t *selftest, uint16_t supply_mV);
-void impid_selftest_begin(impid_selftest_t *selftest);
+void impid_selftest_init(impid_selftest_t *selftest);
+/* supply_mV: of accelerometer and converter as it is now. */
+void impid_selftest_begin(impid_selftest_t *selftest, uint16_t supply_mV);
 /* Feeds one sample; true when that was the last and the verdict stands. */
 bool impid_selftest_sample(impid_selftest_t *selftest, const impid_sample_t *sample,
                            const impid_port_t *port);

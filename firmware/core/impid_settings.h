@@ -9,11 +9,17 @@
  *   sector:   mark | snapshot | snapshot | ... | erased
  *   mark:     one word, written after an erase has ended, cleared before the next one begins: a sector whose
  *             erase was cut short is erased again, even if it happens to read as empty
- *   snapshot: layout, sequence, values, CRC-32 of these
+ *   snapshot: layout and number of values, sequence, values, room for more, CRC-32 of these
+ *
+ * How it survives another firmware: the layout keeps its size, new values take of the room behind the others.
+ * A firmware gives values that a snapshot does not hold their defaults, and keeps those that it does not
+ * know, so that going back to an older firmware and forth again loses nothing. Layouts 1 and 2, of the time
+ * before, had 8 and 16 values and no room: they are read where they lie, and the next save goes to the other
+ * sector.
  *
  * Data flow: init() finds the newest snapshot; set() changes values in RAM, save() appends them.
  * Ownership: the caller's; flash is reached through three functions of the port.
- * Timing: main loop. init(): one pass over both sectors. save(): one word programmed per value and three
+ * Timing: main loop. init(): a few passes over both sectors. save(): one word programmed per value and three
  * more, no erase. Erasing takes up to half a second and stalls the processor, so it is in prepare() alone,
  * which the port calls before it samples. Can fail: set() on an unknown item, a read-only one or a value out
  * of range; save() if flash refuses or both sectors have been filled since prepare().
@@ -25,7 +31,8 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#define IMPID_SETTINGS_SECTORS 2u
+#define IMPID_SETTINGS_SECTORS  2u
+#define IMPID_SETTINGS_CAPACITY 45u /* values, for ever: part of the layout */
 
 typedef struct {
     void *context;
@@ -38,7 +45,7 @@ typedef struct {
     bool (*erase)(void *context, uint32_t sector);
 } impid_flash_t;
 
-/* In this order in the snapshot; new ones go to the end, under a new layout number. */
+/* In this order in the snapshot; new ones go to the end, and none ever goes away. */
 typedef enum {
     IMPID_SETTING_BOOT_COUNT = 0,    /* boots ever; its low half is the boot id. Read-only */
     IMPID_SETTING_CAN_KBPS = 1,      /* 1000, 500 or 250; from the next boot on */
@@ -58,15 +65,24 @@ typedef enum {
     IMPID_SETTING_ACCEL_Y_PER_G_INTERVAL = 13,
     IMPID_SETTING_ACCEL_X_ANGLE_INTERVAL = 14,
     IMPID_SETTING_ACCEL_Y_ANGLE_INTERVAL = 15,
-    IMPID_SETTINGS = 16
+    /* 1: the chip's own resistor (40 kOhm) holds the input while nothing drives it: encoders and faults high,
+     * sync low. 0: nothing does, which an input needs that may see more than 3.6 V. From the next boot on. */
+    IMPID_SETTING_ENCODER_1_PULL = 16,
+    IMPID_SETTING_ENCODER_2_PULL = 17,
+    IMPID_SETTING_FAULT_1_PULL = 18,
+    IMPID_SETTING_FAULT_2_PULL = 19,
+    IMPID_SETTING_SYNC_PULL = 20,
+    IMPID_SETTINGS = 21
 } impid_setting_t;
 
 typedef struct {
     const impid_flash_t *flash;
-    uint32_t values[IMPID_SETTINGS];
-    uint32_t sequence; /* of the newest snapshot */
-    uint32_t sector;   /* that holds it */
-    uint32_t next;     /* snapshot place in that sector, the first never written to */
+    uint32_t values[IMPID_SETTINGS_CAPACITY];
+    uint32_t count;      /* of these that a snapshot holds: at least ours */
+    bool earlier_layout; /* that of the newest snapshot */
+    uint32_t sequence;   /* of the newest snapshot */
+    uint32_t sector;     /* that holds it */
+    uint32_t next;       /* snapshot place in that sector, the first never written to */
 } impid_settings_t;
 
 /* Loads the newest snapshot, or the defaults where there is none. Writes nothing. */

@@ -25,7 +25,6 @@ typedef struct {
     uint16_t boot_id;           /* differs from that of the boot before */
     uint8_t reset_cause;        /* as STATUS_HEALTH.reset_cause */
     uint8_t clock_source;       /* as STATUS_HEALTH.clock_source */
-    uint16_t vref_mV;           /* converter reference, which is the accelerometer's supply */
     uint32_t first_index;       /* index of the first sample after START */
     uint64_t boot_us;           /* the board's time at init; its low half is the port's counter */
     impid_settings_t *settings; /* NULL: this board keeps none, and knows no GET, SET, SAVE */

@@ -1433,6 +1433,107 @@ bool impid_messages_status_bus_uptime_s_is_in_phys_range(double value)
     return ((value >= 0.0) && (value <= 4294967295.0));
 }
 
+int impid_messages_status_losses_pack(
+    uint8_t *dst_p,
+    const struct impid_messages_status_losses_t *src_p,
+    size_t size)
+{
+    if (size < 8u) {
+        return (-EINVAL);
+    }
+
+    memset(&dst_p[0], 0, 8);
+
+    dst_p[0] |= pack_left_shift_u16(src_p->line_errors, 0u, 0xffu);
+    dst_p[1] |= pack_right_shift_u16(src_p->line_errors, 8u, 0xffu);
+    dst_p[2] |= pack_left_shift_u16(src_p->can_overruns, 0u, 0xffu);
+    dst_p[3] |= pack_right_shift_u16(src_p->can_overruns, 8u, 0xffu);
+    dst_p[4] |= pack_left_shift_u16(src_p->adc_overruns, 0u, 0xffu);
+    dst_p[5] |= pack_right_shift_u16(src_p->adc_overruns, 8u, 0xffu);
+    dst_p[6] |= pack_left_shift_u16(src_p->dma_errors, 0u, 0xffu);
+    dst_p[7] |= pack_right_shift_u16(src_p->dma_errors, 8u, 0xffu);
+
+    return (8);
+}
+
+int impid_messages_status_losses_unpack(
+    struct impid_messages_status_losses_t *dst_p,
+    const uint8_t *src_p,
+    size_t size)
+{
+    if (size < 8u) {
+        return (-EINVAL);
+    }
+
+    dst_p->line_errors = unpack_right_shift_u16(src_p[0], 0u, 0xffu);
+    dst_p->line_errors |= unpack_left_shift_u16(src_p[1], 8u, 0xffu);
+    dst_p->can_overruns = unpack_right_shift_u16(src_p[2], 0u, 0xffu);
+    dst_p->can_overruns |= unpack_left_shift_u16(src_p[3], 8u, 0xffu);
+    dst_p->adc_overruns = unpack_right_shift_u16(src_p[4], 0u, 0xffu);
+    dst_p->adc_overruns |= unpack_left_shift_u16(src_p[5], 8u, 0xffu);
+    dst_p->dma_errors = unpack_right_shift_u16(src_p[6], 0u, 0xffu);
+    dst_p->dma_errors |= unpack_left_shift_u16(src_p[7], 8u, 0xffu);
+
+    return (0);
+}
+
+int impid_messages_status_losses_init(struct impid_messages_status_losses_t *msg_p)
+{
+    if (msg_p == NULL) return -1;
+
+    memset(msg_p, 0, sizeof(struct impid_messages_status_losses_t));
+
+    return 0;
+}
+
+bool impid_messages_status_losses_line_errors_is_in_range(uint16_t value)
+{
+    (void)value;
+
+    return (true);
+}
+
+bool impid_messages_status_losses_line_errors_is_in_phys_range(double value)
+{
+    return ((value >= 0.0) && (value <= 65535.0));
+}
+
+bool impid_messages_status_losses_can_overruns_is_in_range(uint16_t value)
+{
+    (void)value;
+
+    return (true);
+}
+
+bool impid_messages_status_losses_can_overruns_is_in_phys_range(double value)
+{
+    return ((value >= 0.0) && (value <= 65535.0));
+}
+
+bool impid_messages_status_losses_adc_overruns_is_in_range(uint16_t value)
+{
+    (void)value;
+
+    return (true);
+}
+
+bool impid_messages_status_losses_adc_overruns_is_in_phys_range(double value)
+{
+    return ((value >= 0.0) && (value <= 65535.0));
+}
+
+bool impid_messages_status_losses_dma_errors_is_in_range(uint16_t value)
+{
+    (void)value;
+
+    return (true);
+}
+
+bool impid_messages_status_losses_dma_errors_is_in_phys_range(double value)
+{
+    return ((value >= 0.0) && (value <= 65535.0));
+}
+
 int impid_messages_batch_pack(
     uint8_t *dst_p,
     const struct impid_messages_batch_t *src_p,

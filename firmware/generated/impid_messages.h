@@ -59,6 +59,7 @@ extern "C" {
 #define IMPID_MESSAGES_STATUS_COMMANDS_FRAME_ID (0x124u)
 #define IMPID_MESSAGES_STATUS_HEALTH_FRAME_ID (0x125u)
 #define IMPID_MESSAGES_STATUS_BUS_FRAME_ID (0x126u)
+#define IMPID_MESSAGES_STATUS_LOSSES_FRAME_ID (0x127u)
 #define IMPID_MESSAGES_BATCH_FRAME_ID (0x1f0u)
 
 /* Frame lengths in bytes. */
@@ -76,6 +77,7 @@ extern "C" {
 #define IMPID_MESSAGES_STATUS_COMMANDS_LENGTH (8u)
 #define IMPID_MESSAGES_STATUS_HEALTH_LENGTH (8u)
 #define IMPID_MESSAGES_STATUS_BUS_LENGTH (8u)
+#define IMPID_MESSAGES_STATUS_LOSSES_LENGTH (8u)
 #define IMPID_MESSAGES_BATCH_LENGTH (20u)
 
 /* Extended or standard frame types. */
@@ -93,6 +95,7 @@ extern "C" {
 #define IMPID_MESSAGES_STATUS_COMMANDS_IS_EXTENDED (0)
 #define IMPID_MESSAGES_STATUS_HEALTH_IS_EXTENDED (0)
 #define IMPID_MESSAGES_STATUS_BUS_IS_EXTENDED (0)
+#define IMPID_MESSAGES_STATUS_LOSSES_IS_EXTENDED (0)
 #define IMPID_MESSAGES_BATCH_IS_EXTENDED (0)
 
 /* Frame cycle times in milliseconds. */
@@ -145,6 +148,11 @@ extern "C" {
 #define IMPID_MESSAGES_COMMAND_ITEM_ACCEL_Y_PER_G_INTERVAL_CHOICE (45u)
 #define IMPID_MESSAGES_COMMAND_ITEM_ACCEL_X_ANGLE_INTERVAL_CHOICE (46u)
 #define IMPID_MESSAGES_COMMAND_ITEM_ACCEL_Y_ANGLE_INTERVAL_CHOICE (47u)
+#define IMPID_MESSAGES_COMMAND_ITEM_ENCODER_1_PULL_CHOICE (48u)
+#define IMPID_MESSAGES_COMMAND_ITEM_ENCODER_2_PULL_CHOICE (49u)
+#define IMPID_MESSAGES_COMMAND_ITEM_FAULT_1_PULL_CHOICE (50u)
+#define IMPID_MESSAGES_COMMAND_ITEM_FAULT_2_PULL_CHOICE (51u)
+#define IMPID_MESSAGES_COMMAND_ITEM_SYNC_PULL_CHOICE (52u)
 #define IMPID_MESSAGES_COMMAND_ITEM_FAULT_COUNT_CHOICE (64u)
 #define IMPID_MESSAGES_COMMAND_ITEM_FAULT_KIND_CHOICE (65u)
 #define IMPID_MESSAGES_COMMAND_ITEM_FAULT_PC_CHOICE (66u)
@@ -220,6 +228,7 @@ extern "C" {
 #define IMPID_MESSAGES_STATUS_COMMANDS_NAME "STATUS_COMMANDS"
 #define IMPID_MESSAGES_STATUS_HEALTH_NAME "STATUS_HEALTH"
 #define IMPID_MESSAGES_STATUS_BUS_NAME "STATUS_BUS"
+#define IMPID_MESSAGES_STATUS_LOSSES_NAME "STATUS_LOSSES"
 #define IMPID_MESSAGES_BATCH_NAME "BATCH"
 
 /* Signal Names. */
@@ -269,6 +278,10 @@ extern "C" {
 #define IMPID_MESSAGES_STATUS_BUS_TX_ERRORS_NAME "tx_errors"
 #define IMPID_MESSAGES_STATUS_BUS_RX_ERRORS_NAME "rx_errors"
 #define IMPID_MESSAGES_STATUS_BUS_UPTIME_S_NAME "uptime_s"
+#define IMPID_MESSAGES_STATUS_LOSSES_LINE_ERRORS_NAME "line_errors"
+#define IMPID_MESSAGES_STATUS_LOSSES_CAN_OVERRUNS_NAME "can_overruns"
+#define IMPID_MESSAGES_STATUS_LOSSES_ADC_OVERRUNS_NAME "adc_overruns"
+#define IMPID_MESSAGES_STATUS_LOSSES_DMA_ERRORS_NAME "dma_errors"
 #define IMPID_MESSAGES_BATCH_KIND_NAME "kind"
 #define IMPID_MESSAGES_BATCH_VERSION_NAME "version"
 #define IMPID_MESSAGES_BATCH_BOOT_ID_NAME "boot_id"
@@ -736,6 +749,43 @@ struct impid_messages_status_bus_t {
      * Offset: 0
      */
     uint32_t uptime_s;
+};
+
+/**
+ * Signals in message STATUS_LOSSES.
+ *
+ * Bursts on the serial line with a framing, noise or overrun error, and commands lost in the CAN controller, since boot; resets because conversions were not fetched or a transfer failed, since power-on.
+ *
+ * All signal values are as on the CAN bus.
+ */
+struct impid_messages_status_losses_t {
+    /**
+     * Range: 0..65535 (0..65535 -)
+     * Scale: 1
+     * Offset: 0
+     */
+    uint16_t line_errors;
+
+    /**
+     * Range: 0..65535 (0..65535 -)
+     * Scale: 1
+     * Offset: 0
+     */
+    uint16_t can_overruns;
+
+    /**
+     * Range: 0..65535 (0..65535 -)
+     * Scale: 1
+     * Offset: 0
+     */
+    uint16_t adc_overruns;
+
+    /**
+     * Range: 0..65535 (0..65535 -)
+     * Scale: 1
+     * Offset: 0
+     */
+    uint16_t dma_errors;
 };
 
 /**
@@ -2334,6 +2384,131 @@ bool impid_messages_status_bus_uptime_s_is_in_range(uint32_t value);
  * @return true if in range, false otherwise.
  */
 bool impid_messages_status_bus_uptime_s_is_in_phys_range(double value);
+
+/**
+ * Pack message STATUS_LOSSES.
+ *
+ * @param[out] dst_p Buffer to pack the message into.
+ * @param[in] src_p Data to pack.
+ * @param[in] size Size of dst_p.
+ *
+ * @return Size of packed data, or negative error code.
+ */
+int impid_messages_status_losses_pack(
+    uint8_t *dst_p,
+    const struct impid_messages_status_losses_t *src_p,
+    size_t size);
+
+/**
+ * Unpack message STATUS_LOSSES.
+ *
+ * @param[out] dst_p Object to unpack the message into.
+ * @param[in] src_p Message to unpack.
+ * @param[in] size Size of src_p.
+ *
+ * @return zero(0) or negative error code.
+ */
+int impid_messages_status_losses_unpack(
+    struct impid_messages_status_losses_t *dst_p,
+    const uint8_t *src_p,
+    size_t size);
+
+/**
+ * Init message fields to default values from STATUS_LOSSES.
+ *
+ * @param[in] msg_p Message to init.
+ *
+ * @return zero(0) on success or (-1) in case of nullptr argument.
+ */
+int impid_messages_status_losses_init(struct impid_messages_status_losses_t *msg_p);
+
+/**
+ * Check that given signal is in allowed range.
+ *
+ * @param[in] value Signal to check.
+ *
+ * @return true if in range, false otherwise.
+ */
+bool impid_messages_status_losses_line_errors_is_in_range(uint16_t value);
+
+/**
+ * Check that given physical value is in allowed range before encoding.
+ *
+ * Use this BEFORE calling _encode() to avoid silent integer overflow:
+ *   encode(-1.0) on a [0,100] signal wraps to 255 and passes is_in_range().
+ *   is_in_phys_range(-1.0) correctly returns false.
+ *
+ * @param[in] value Physical signal value to check.
+ *
+ * @return true if in range, false otherwise.
+ */
+bool impid_messages_status_losses_line_errors_is_in_phys_range(double value);
+
+/**
+ * Check that given signal is in allowed range.
+ *
+ * @param[in] value Signal to check.
+ *
+ * @return true if in range, false otherwise.
+ */
+bool impid_messages_status_losses_can_overruns_is_in_range(uint16_t value);
+
+/**
+ * Check that given physical value is in allowed range before encoding.
+ *
+ * Use this BEFORE calling _encode() to avoid silent integer overflow:
+ *   encode(-1.0) on a [0,100] signal wraps to 255 and passes is_in_range().
+ *   is_in_phys_range(-1.0) correctly returns false.
+ *
+ * @param[in] value Physical signal value to check.
+ *
+ * @return true if in range, false otherwise.
+ */
+bool impid_messages_status_losses_can_overruns_is_in_phys_range(double value);
+
+/**
+ * Check that given signal is in allowed range.
+ *
+ * @param[in] value Signal to check.
+ *
+ * @return true if in range, false otherwise.
+ */
+bool impid_messages_status_losses_adc_overruns_is_in_range(uint16_t value);
+
+/**
+ * Check that given physical value is in allowed range before encoding.
+ *
+ * Use this BEFORE calling _encode() to avoid silent integer overflow:
+ *   encode(-1.0) on a [0,100] signal wraps to 255 and passes is_in_range().
+ *   is_in_phys_range(-1.0) correctly returns false.
+ *
+ * @param[in] value Physical signal value to check.
+ *
+ * @return true if in range, false otherwise.
+ */
+bool impid_messages_status_losses_adc_overruns_is_in_phys_range(double value);
+
+/**
+ * Check that given signal is in allowed range.
+ *
+ * @param[in] value Signal to check.
+ *
+ * @return true if in range, false otherwise.
+ */
+bool impid_messages_status_losses_dma_errors_is_in_range(uint16_t value);
+
+/**
+ * Check that given physical value is in allowed range before encoding.
+ *
+ * Use this BEFORE calling _encode() to avoid silent integer overflow:
+ *   encode(-1.0) on a [0,100] signal wraps to 255 and passes is_in_range().
+ *   is_in_phys_range(-1.0) correctly returns false.
+ *
+ * @param[in] value Physical signal value to check.
+ *
+ * @return true if in range, false otherwise.
+ */
+bool impid_messages_status_losses_dma_errors_is_in_phys_range(double value);
 
 /**
  * Pack message BATCH.

@@ -12,7 +12,7 @@ from hil_sim.study.write import write_study
 
 @click.command("random")
 @SEED
-@click.option("--effect", "effects", multiple=True, metavar="NAME@WHERE", help="Hide this; may be repeated.")
+@click.option("--effect", "effects", multiple=True, metavar="LABEL", help="Hide this; may be repeated.")
 @click.option(
     "--strength",
     type=click.FloatRange(min=0.0, min_open=True),
@@ -37,6 +37,15 @@ from hil_sim.study.write import write_study
     show_default=True,
     help="Of the encoders.",
 )
+@click.option("--weighed/--not-weighed", default=False, show_default=True, help="Whether payloads were.")
+@click.option(
+    "--torque-step",
+    "torque_quantum_Nm",
+    type=click.FloatRange(min=0.0),
+    default=0.002,
+    show_default=True,
+    help="The logged torque comes in steps of this, N m.",
+)
 @click.option("--out", type=FOLDER, required=True, help="Study folder to write; absent or empty.")
 @click.option("--truth", "truth_file", type=FILE, help="Where to write what is hidden, outside the study.")
 @click.option("--small", is_flag=True, help="Two free and two loaded trials of 30 s.")
@@ -47,16 +56,22 @@ def command(
     noise: str,
     force_sensor: bool,
     counts_per_rev: int,
+    weighed: bool,
+    torque_quantum_Nm: float,
     out: Path,
     truth_file: Path | None,
     small: bool,
 ) -> None:
     """Write the study of a random laboratory, in good order but for what is asked for.
 
+    A label is NAME@WHERE; `:free`, `:load` or `:TRIAL+TRIAL` behind it says when, `,PARAMETER=NUMBER` fixes
+    what chance would decide.
+
     \b
     Examples:
       impid-sim random --seed 7 --out study --small
       impid-sim random --seed 7 --effect friction.coulomb@joint1 --strength 3 --out study --truth truth.json
+      impid-sim random --seed 7 --effect elastic.cartesian@tip:load --effect force.scale,gain=1.05 --out study
     """
     size = SMALL if small else FULL
     scenario, reached = random_scenario(
@@ -67,6 +82,8 @@ def command(
         noise=noise,
         force_sensor=force_sensor,
         counts_per_rev=counts_per_rev,
+        weighed=weighed,
+        torque_quantum_Nm=torque_quantum_Nm,
     )
     write_study(scenario, out, seed, truth_file)
     if truth_file is not None:

@@ -12,7 +12,7 @@ from hil_sim.effects.entry import (
     with_plant_effects,
     with_terms,
 )
-from hil_sim.effects.physics import RIPPLE, Term
+from hil_sim.plant.physics import RIPPLE, Term
 from hil_sim.world import TrialTruth
 
 
@@ -39,6 +39,11 @@ def _cogging(truth: TrialTruth, entry: Entry) -> TrialTruth:
 def _delay(truth: TrialTruth, entry: Entry) -> TrialTruth:
     late = added(truth.log.delay_s, entry.per_joint("delay"))
     return replace(truth, log=replace(truth.log, delay_s=late))
+
+
+def _lag(truth: TrialTruth, entry: Entry) -> TrialTruth:
+    lag = added(plant_effects(truth).lag_s, entry.per_joint("time_constant"))
+    return with_plant_effects(truth, lag_s=lag)
 
 
 EFFECTS = (
@@ -73,5 +78,12 @@ EFFECTS = (
         JOINTS,
         (Parameter("delay", "s", 0.005, 0.005, 0.0),),
         _delay,
+    ),
+    Row(
+        "actuator.lag",
+        "the drive nears its command as exp(-t / time_constant); the log shows the command",
+        JOINTS,
+        (Parameter("time_constant", "s", 0.003, 0.003, 0.0),),
+        _lag,
     ),
 )

@@ -1,11 +1,11 @@
 """What a row of the catalogue is, and what a scenario's table [[effects]] becomes."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
-from hil_sim.effects.physics import PlantEffects, Term
 from hil_sim.errors import SimError
+from hil_sim.plant.physics import PlantEffects, Term
 from hil_sim.world import TrialTruth
 
 JOINTS = ("joint1", "joint2")
@@ -21,35 +21,58 @@ class Parameter:
     Attributes:
         name, unit: as diagnosis-format has them.
         low, high: what a random study draws it from, at strength one.
-        neutral: the value at which the effect is absent; None: the parameter says where or how, and is not
-            scaled with the effect's strength.
+        neutral: the value at which the effect is absent, or how it follows from a trial and a place; None:
+            the parameter says where or how, and is not scaled with the effect's strength. Where it is a
+            function, `low` and `high` are departures from it.
         default: used when the scenario leaves it out; None: it must be given.
         words: what it may be, where it is not a number.
         signed: a random study may turn the departure from `neutral` round.
         pair: it has a component along x and one along y.
         inverse: the effect grows as one over it.
+        shared: it is one value, however many places there are.
+        drawn_word: a random study draws one of `words`; else it takes the default.
     """
 
     name: str
     unit: str
     low: float = 0.0
     high: float = 0.0
-    neutral: float | None = None
+    neutral: "float | Neutral | None" = None
     default: Value = None
     words: tuple[str, ...] = ()
     signed: bool = False
     pair: bool = False
     inverse: bool = False
+    shared: bool = False
+    drawn_word: bool = False
+
+
+Neutral = Callable[[TrialTruth, str], float]
 
 
 @dataclass(frozen=True)
 class Entry:
-    """One [[effects]] table: which effect, where, in which trials (empty: all), with which parameters."""
+    """One [[effects]] table.
+
+    Attributes:
+        effect: which.
+        where: its places.
+        trials: names of the trials or loads that have it; empty: all that `when` allows.
+        values: its parameters.
+        when: "all", "free" or "load": the kind of trials that have it.
+        per_trial: parameters that differ in the trials named.
+    """
 
     effect: str
     where: tuple[str, ...]
     trials: tuple[str, ...]
     values: Mapping[str, Value]
+    when: str = "all"
+    per_trial: Mapping[str, Mapping[str, Value]] = field(default_factory=dict)
+
+    def in_trial(self, trial: str) -> "Entry":
+        """The effect with the parameters that it has in this trial."""
+        return replace(self, values={**self.values, **self.per_trial.get(trial, {})}, per_trial={})
 
     def each(self, name: str) -> list[float]:
         """The parameter, one number for each place in `where`."""
@@ -110,6 +133,7 @@ class Row:
         parameters: with units and ranges.
         apply: from the truth of a trial to that with this effect.
         loaded_only: it is part of the load, so free trials do not have it.
+        needs_force_sensor: without a force sensor there is nothing that could err.
     """
 
     name: str
@@ -118,6 +142,7 @@ class Row:
     parameters: tuple[Parameter, ...]
     apply: Apply
     loaded_only: bool = False
+    needs_force_sensor: bool = False
 
 
 def plant_effects(truth: TrialTruth) -> PlantEffects:
@@ -139,6 +164,16 @@ def with_terms(truth: TrialTruth, terms: list[Term]) -> TrialTruth:
 def added(one: tuple[float, float], other: tuple[float, float]) -> tuple[float, float]:
     """Element by element."""
     return one[0] + other[0], one[1] + other[1]
+
+
+def refuse_relative(truth: TrialTruth, entry: Entry) -> None:
+    """Ends with an error where the robot's second joint is relative: parts on it turn with the first link.
+
+    Raises:
+        SimError: this robot is so.
+    """
+    if truth.plant.relative:
+        raise SimError(f"effect {entry.effect}: not modelled for planar-2r-relative; use planar-2r-absolute")
 
 
 def with_alpha(truth: TrialTruth, more: Mapping[int, float]) -> TrialTruth:

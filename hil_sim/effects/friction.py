@@ -4,7 +4,7 @@ from dataclasses import replace
 from typing import Any
 
 from hil_sim.effects.entry import JOINTS, Entry, Parameter, Row, plant_effects, with_plant_effects, with_terms
-from hil_sim.effects.physics import DRY_RIPPLE, VISCOUS_RIPPLE, Friction, Term
+from hil_sim.plant.physics import DRY_RIPPLE, VISCOUS_RIPPLE, Friction, Slip, Term
 from hil_sim.world import TrialTruth
 
 # Steel on steel under load bends some hundredths of a degree before it slides.
@@ -72,6 +72,22 @@ def _position(truth: TrialTruth, entry: Entry) -> TrialTruth:
     return with_terms(truth, terms)
 
 
+def _load(truth: TrialTruth, entry: Entry) -> TrialTruth:
+    for joint, coefficient in zip(entry.joints, entry.each("coefficient"), strict=True):
+        more = _of(truth, joint).per_torque + coefficient
+        truth = _with_joint(truth, joint, per_torque=more, presliding=entry.one("presliding_rad"))
+    return truth
+
+
+def _presliding(truth: TrialTruth, entry: Entry) -> TrialTruth:
+    for joint, torque, width in zip(entry.joints, entry.each("torque"), entry.each("width_rad"), strict=True):
+        if entry.values["kind"] == "dahl":
+            truth = _with_joint(truth, joint, spring_level=torque, spring_width=width)
+        else:
+            truth = _with_joint(truth, joint, slip=Slip.evenly(torque, width))
+    return truth
+
+
 EFFECTS = (
     Row(
         "friction.coulomb",
@@ -121,5 +137,24 @@ EFFECTS = (
             PRESLIDING,
         ),
         _position,
+    ),
+    Row(
+        "friction.load",
+        "dry friction of coefficient times the magnitude of the torque that passes through the joint",
+        JOINTS,
+        (Parameter("coefficient", "N*m per N*m", 0.05, 0.05, 0.0), PRESLIDING),
+        _load,
+    ),
+    Row(
+        "friction.presliding",
+        "a spring until it slides: by Dahl's law with width_rad, or Maxwell's four slipping springs with"
+        " limits of 0.4 to 1.6 width_rad",
+        JOINTS,
+        (
+            Parameter("torque", "N*m", 0.05, 0.05, 0.0),
+            Parameter("width_rad", "rad", 0.01, 0.04),
+            Parameter("kind", "", default="dahl", words=("dahl", "maxwell_slip"), drawn_word=True),
+        ),
+        _presliding,
     ),
 )

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from hil_sim.effects.entry import Entry, Parameter, Row, added, plant_effects, with_plant_effects
 from hil_sim.errors import SimError
+from hil_sim.plant.physics import JUMP, RAMP, SINE
 from hil_sim.world import TrialTruth
 
 PLACES = ("load",)
@@ -70,6 +71,21 @@ def _drift(truth: TrialTruth, entry: Entry) -> TrialTruth:
     return _with_load(truth, drift=entry.pair("rate"), drift_from=0.5 * truth.duration_s)
 
 
+COURSES = {"ramp": RAMP, "jump": JUMP, "sine": SINE}
+
+
+def _time_varying(truth: TrialTruth, entry: Entry) -> TrialTruth:
+    course = COURSES[str(entry.values["course"])]
+    return _with_load(
+        truth,
+        course=course,
+        course_from=0.5 * truth.duration_s,
+        course_span=entry.one("period_s") if course == SINE else truth.duration_s,
+        course_phase=entry.one("phase_rad"),
+        **{f"more_{name}": tuple(_matrix(entry, name).ravel().tolist()) for name in ("M", "B", "K")},
+    )
+
+
 def _row(name: str, says: str, parameters: tuple[Parameter, ...], apply: Any) -> Row:
     return Row(name, says, PLACES, parameters, apply, loaded_only=True)
 
@@ -118,5 +134,19 @@ EFFECTS = (
             Parameter("M", "kg", neutral=0.0, default=0.0),
         ),
         _coupling,
+    ),
+    _row(
+        "load.time_varying",
+        "K, B and M change by so much over the trial: evenly (ramp), at once in its middle (jump), or as a"
+        " sine of this amplitude; on the mean they are the load's",
+        (
+            Parameter("K", "N/m", 40.0, 40.0, 0.0, default=0.0, signed=True),
+            Parameter("B", "N*s/m", neutral=0.0, default=0.0),
+            Parameter("M", "kg", neutral=0.0, default=0.0),
+            Parameter("course", "", default="ramp", words=tuple(COURSES), drawn_word=True),
+            Parameter("period_s", "s", 5.0, 15.0, default=10.0),
+            Parameter("phase_rad", "rad", 0.0, 6.28, default=0.0),
+        ),
+        _time_varying,
     ),
 )

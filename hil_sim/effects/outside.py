@@ -11,12 +11,14 @@ from hil_sim.effects.entry import (
     Parameter,
     Row,
     plant_effects,
+    refuse_relative,
     with_alpha,
     with_plant_effects,
     with_terms,
 )
-from hil_sim.effects.physics import BUMP, INPUTS, Coupled, Term
+from hil_sim.plant.physics import BUMP, INPUTS, Coupled, Slip, Term
 from hil_sim.seeds import generator
+from hil_sim.sensors.accelerometer import Bracket
 from hil_sim.world import TrialTruth
 
 Array = NDArray[np.float64]
@@ -50,6 +52,7 @@ def _bump(truth: TrialTruth, entry: Entry) -> TrialTruth:
 
 def _resonance(truth: TrialTruth, entry: Entry) -> TrialTruth:
     """Part of the link's inertia hangs on a spring: alpha as measured slowly stays what it is."""
+    refuse_relative(truth, entry)
     parts = list(plant_effects(truth).resonator)
     off = {}
     columns = [entry.each(name) for name in ("inertia", "frequency_Hz", "damping_ratio")]
@@ -122,6 +125,27 @@ def _one_trial(truth: TrialTruth, entry: Entry) -> TrialTruth:
     factor = entry.per_joint("viscous_factor", absent=1.0)
     more = {3 + joint: (factor[joint] - 1.0) * truth.plant.alpha[3 + joint] for joint in (0, 1)}
     return with_alpha(truth, more)
+
+
+def _fading(truth: TrialTruth, entry: Entry) -> TrialTruth:
+    """Magnets lose with warmth: the drives give less and less of what the log says."""
+    return with_plant_effects(
+        truth, fade=entry.per_joint("fade"), fade_s=entry.one("time_s"), fade_from=entry.one("warm_for_s")
+    )
+
+
+def _creep(truth: TrialTruth, entry: Entry) -> TrialTruth:
+    return with_plant_effects(truth, creep=entry.per_joint("coefficient"))
+
+
+def _cable(truth: TrialTruth, entry: Entry) -> TrialTruth:
+    along = [Slip.evenly(force, entry.one("width")) for force in entry.pair("force")]
+    return with_plant_effects(truth, tip_slip=(along[0], along[1]))
+
+
+def _bracket(truth: TrialTruth, entry: Entry) -> TrialTruth:
+    bracket = Bracket(entry.one("share"), entry.one("frequency_Hz"), entry.one("damping_ratio"))
+    return replace(truth, accelerometer=replace(truth.accelerometer, bracket=bracket))
 
 
 EFFECTS = (
@@ -218,5 +242,44 @@ EFFECTS = (
         JOINTS,
         (Parameter("viscous_factor", "1", 1.3, 1.3, 1.0),),
         _one_trial,
+    ),
+    Row(
+        "outside.torque_constant",
+        "drives that warm up give less than the log says: gain 1 - fade (1 - exp(-t / time_s)), t from when"
+        " they were switched on, warm_for_s before the trial",
+        JOINTS,
+        (
+            Parameter("fade", "1", 0.06, 0.06, 0.0),
+            Parameter("time_s", "s", 30.0, 120.0, shared=True),
+            Parameter("warm_for_s", "s", default=0.0),
+        ),
+        _fading,
+    ),
+    Row(
+        "outside.capstan_creep",
+        "the cable creeps round its capstan, so that the motor's encoder runs ahead by coefficient times"
+        " torque times the way turned",
+        JOINTS,
+        (Parameter("coefficient", "rad/(N*m*rad)", 0.002, 0.002, 0.0),),
+        _creep,
+    ),
+    Row(
+        "outside.cable_hysteresis",
+        "a bundle of cables at the end-effector drags along x and y: four springs that slip at 0.4 to"
+        " 1.6 width",
+        ("tip",),
+        (Parameter("force", "N", 0.5, 0.5, 0.0), Parameter("width", "m", 0.01, 0.03)),
+        _cable,
+    ),
+    Row(
+        "outside.bracket",
+        "the accelerometer's bracket rings: of what it measures, share goes through a resonance",
+        ("sensor",),
+        (
+            Parameter("share", "1", 0.1, 0.1, 0.0),
+            Parameter("frequency_Hz", "Hz", 3.0, 6.0),
+            Parameter("damping_ratio", "1", default=0.02),
+        ),
+        _bracket,
     ),
 )

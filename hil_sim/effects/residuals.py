@@ -70,11 +70,13 @@ def causes(truth: TrialTruth, nominal: TrialTruth) -> dict[str, Array]:
 
     Returns:
         Angles q (rad), speeds w (rad/s), place x (m), its velocity v (m/s) and acceleration acc (m/s^2), the
-        model's torque tau (N m), and the specific force that the encoders let expect along the sensor's axes
-        (m/s^2).
+        model's torque tau (N m), the load's force by its model (N), and the specific force that the encoders
+        let expect along the sensor's axes (m/s^2).
     """
     s = _signals(truth, nominal)
     s["tau"] = _robot_regressor(s["q"], s["w"], s["a"]) @ np.array(nominal.plant.alpha)
+    load = nominal.plant.load
+    s["force"] = -(s["acc"] @ load.M.T + s["v"] @ load.B.T + (s["x"] - load.x0) @ load.K.T)
     names = {
         "q": "q",
         "w": "w",
@@ -82,6 +84,7 @@ def causes(truth: TrialTruth, nominal: TrialTruth) -> dict[str, Array]:
         "v": "v",
         "acc": "acc",
         "tau": "tau",
+        "force": "force",
         "specific": "specific_encoder",
     }
     return {name: _low(s[signal]) for name, signal in names.items()}

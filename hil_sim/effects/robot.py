@@ -9,11 +9,13 @@ from hil_sim.effects.entry import (
     Row,
     added,
     plant_effects,
+    refuse_relative,
     with_alpha,
     with_plant_effects,
     with_terms,
 )
-from hil_sim.effects.physics import SPRING, Coupled, Term
+from hil_sim.errors import SimError
+from hil_sim.plant.physics import SPRING, Coupled, Term
 from hil_sim.world import TrialTruth
 
 Matrix = tuple[float, float, float, float]
@@ -42,6 +44,7 @@ def _elastic_joint(truth: TrialTruth, entry: Entry) -> TrialTruth:
 
 def _transmission(truth: TrialTruth, entry: Entry) -> TrialTruth:
     """The motor's inertia is part of alpha as measured, so it is taken off the link's."""
+    refuse_relative(truth, entry)
     motor = list(plant_effects(truth).motor)
     off = {}
     columns = [entry.each(name) for name in ("stiffness", "motor_inertia", "damping_ratio")]
@@ -59,24 +62,46 @@ def _damping_cartesian(truth: TrialTruth, entry: Entry) -> TrialTruth:
 def _tilt(truth: TrialTruth, entry: Entry) -> TrialTruth:
     """Gravity pulls at links and payload, and the accelerometer feels its opposite."""
     gravity = (entry.one("gx"), entry.one("gy"))
-    moment = tuple(entry.values["moment_kg_m"])
-    if not moment:
-        # alpha2 / 2 is l1 times the second link's first moment; the first link's is that of a mass at its
-        # end.
-        l1 = truth.plant.link_lengths_m[0]
-        moment = (truth.plant.alpha[0] / l1, 0.5 * truth.plant.alpha[1] / l1)
+    so_far = plant_effects(truth)
+    moment = tuple(entry.values["moment_kg_m"]) or (
+        so_far.moment if any(so_far.moment) else truth.plant.likely_moments_kg_m
+    )
+    gravity = added(so_far.gravity, gravity)
     truth = with_plant_effects(truth, gravity=gravity, moment=(float(moment[0]), float(moment[1])))
     return replace(truth, accelerometer=replace(truth.accelerometer, gravity_m_s2=gravity))
 
 
 def _inertia(truth: TrialTruth, entry: Entry) -> TrialTruth:
-    """A mass at the end point, or a rotor on a joint's own axis, is exactly a change of alpha."""
+    """A mass at the end point, or a rotor on a joint's own axis, is exactly a change of alpha.
+
+    A rotor that both joints turn, geared, also couples them by a constant.
+    """
     if entry.where == ("tip",):
         l1, l2 = truth.plant.link_lengths_m
         mass = entry.one("mass")
         return with_alpha(truth, {0: mass * l1**2, 1: 2.0 * mass * l1 * l2, 2: mass * l2**2})
+    coupling = entry.one("coupling")
+    if coupling and len(entry.where) < 2:
+        raise SimError(f"effect {entry.effect}: coupling is between two joints; name both in where")
     inertia = entry.per_joint("inertia")
-    return with_alpha(truth, {0: inertia[0], 2: inertia[1]})
+    if truth.plant.relative:
+        # A rotor on the second joint turns against the first link.
+        inertia, coupling = (inertia[0] + inertia[1], inertia[1]), coupling - inertia[1]
+    truth = with_alpha(truth, {0: inertia[0], 2: inertia[1]})
+    if not coupling:
+        return truth
+    return with_plant_effects(truth, inertia12=plant_effects(truth).inertia12 + coupling)
+
+
+def _weight(truth: TrialTruth, entry: Entry) -> TrialTruth:
+    so_far = plant_effects(truth)
+    sine, cosine = entry.per_joint("torque_sin"), entry.per_joint("torque_cos")
+    if truth.plant.relative:
+        # The second link's own angle is a quarter turn behind that of the plant.
+        sine, cosine = (sine[0], cosine[1]), (cosine[0], -sine[1])
+    return with_plant_effects(
+        truth, weight_sin=added(so_far.weight_sin, sine), weight_cos=added(so_far.weight_cos, cosine)
+    )
 
 
 EFFECTS = (
@@ -89,7 +114,7 @@ EFFECTS = (
             Parameter("ky", "N/m", 5.0, 15.0, 0.0),
             Parameter("x0", "m", 0.3, 0.4, default=0.0),
             Parameter("y0", "m", -0.05, 0.05, default=0.0),
-            Parameter("kxy", "N/m", neutral=0.0, default=0.0),
+            Parameter("kxy", "N/m", 2.0, 8.0, 0.0, default=0.0, signed=True),
         ),
         _elastic_cartesian,
     ),
@@ -132,12 +157,25 @@ EFFECTS = (
     ),
     Row(
         "inertia.extra",
-        "a mass at the end-effector ahead of any force sensor, or a rotor's inertia on a joint's axis",
+        "a mass at the end-effector ahead of any force sensor, or a rotor's inertia on a joint's axis;"
+        " coupling is that of a rotor which both joints turn",
         ("tip", *JOINTS),
         (
             Parameter("mass", "kg", 0.05, 0.05, 0.0, default=0.0),
             Parameter("inertia", "kg*m^2", 0.005, 0.005, 0.0, default=0.0),
+            Parameter("coupling", "kg*m^2", 0.003, 0.003, 0.0, default=0.0, signed=True, shared=True),
         ),
         _inertia,
+    ),
+    Row(
+        "gravity.link",
+        "weight of the link behind the joint, which resists with torque_sin sin + torque_cos cos of the"
+        " link's angle; payload and sensor do not feel it",
+        JOINTS,
+        (
+            Parameter("torque_sin", "N*m", 0.02, 0.05, 0.0, default=0.0, signed=True),
+            Parameter("torque_cos", "N*m", 0.02, 0.05, 0.0, default=0.0, signed=True),
+        ),
+        _weight,
     ),
 )

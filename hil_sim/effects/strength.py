@@ -4,6 +4,7 @@ The same trials are run with and without the effect, with the same chance. What 
 would take up is taken off, because nobody can see it.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -11,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil_sim.effects import catalogue
-from hil_sim.effects.entry import Entry
+from hil_sim.effects.entry import Entry, Parameter
 from hil_sim.effects.residuals import Residuals, residuals
 from hil_sim.errors import SimError
 from hil_sim.world import TrialTruth
@@ -62,12 +63,13 @@ def by_channel(entries: tuple[Entry, ...], trials: list[Clean]) -> list[dict[str
     return result
 
 
-def _strength_or_none(entry: Entry, trials: list[Clean]) -> float:
-    """The strength, or 0 where the effect cannot be so large: a link cannot lose more inertia than it has."""
+def _strength_or_inf(entry: Entry, trials: list[Clean]) -> float:
+    """The strength; infinite where the effect is larger than any robot has it, or than control endures."""
     try:
-        return strength((entry,), trials)
+        found = strength((entry,), trials)
     except SimError:
-        return 0.0
+        return np.inf
+    return found if np.isfinite(found) else np.inf
 
 
 def _with(entries: tuple[Entry, ...], clean: Clean) -> Residuals:
@@ -87,17 +89,43 @@ def _left(trials: list[Residuals], names: tuple[str, str]) -> list[list[Array]]:
     return [parts[2 * k : 2 * k + 2] for k in range(len(trials))]
 
 
-def scaled(entry: Entry, factor: float) -> Entry:
-    """The effect made stronger: what departs from its absence departs by so many times."""
-    values: dict[str, Any] = dict(entry.values)
-    for parameter in catalogue.ROWS[entry.effect].parameters:
-        if parameter.neutral is None or isinstance(values[parameter.name], str):
-            continue
-        value = np.asarray(values[parameter.name], dtype=np.float64)
-        away = value - parameter.neutral
-        grown = away / factor if parameter.inverse else parameter.neutral + factor * away
-        values[parameter.name] = grown.tolist()
-    return replace(entry, values=values)
+def scaled(entry: Entry, factor: float, truth: TrialTruth) -> Entry:
+    """The effect made stronger: what departs from its absence departs by so many times.
+
+    Args:
+        entry: the effect.
+        factor: by how much.
+        truth: a trial of the laboratory, without effects.
+    """
+
+    def grown(values: Mapping[str, Any]) -> dict[str, Any]:
+        result = dict(values)
+        for parameter in catalogue.ROWS[entry.effect].parameters:
+            if parameter.neutral is None or parameter.name not in values or parameter.words:
+                continue
+            away = np.asarray(values[parameter.name], dtype=np.float64)
+            neutral = neutral_of(parameter, truth, entry.where)
+            away = away - neutral
+            more = away / factor if parameter.inverse else neutral + factor * away
+            result[parameter.name] = more.tolist()
+        return result
+
+    per_trial = {name: grown(values) for name, values in entry.per_trial.items()}
+    return replace(entry, values=grown(entry.values), per_trial=per_trial)
+
+
+def neutral_of(parameter: Parameter, truth: TrialTruth, where: tuple[str, ...]) -> Array:
+    """The value at which the effect is absent: one number, or one for each place.
+
+    Raises:
+        ValueError: the parameter does not say how large the effect is.
+    """
+    if parameter.neutral is None:
+        raise ValueError(f"{parameter.name} has no value at which its effect is absent")
+    if not callable(parameter.neutral):
+        return np.asarray(parameter.neutral)
+    each = [parameter.neutral(truth, place) for place in where]
+    return np.asarray(each if len(each) > 1 else each[0])
 
 
 def scaled_to(entry: Entry, wanted: float, trials: list[Clean]) -> tuple[Entry, float]:
@@ -106,25 +134,40 @@ def scaled_to(entry: Entry, wanted: float, trials: list[Clean]) -> tuple[Entry, 
     Raises:
         SimError: the effect does not show at all in these trials, or cannot be so strong.
     """
-    factor, now = 1.0, entry
     reached = strength((entry,), trials)
     if reached <= 0.0:
         raise SimError(f"effect {entry.effect}: does not show in these trials at all")
-    best = now, reached
-    shown = factor  # the last one at which it did: a clipped log shows nothing below its limit
-    for _ in range(6):
+    factor, best = 1.0, (entry, reached)
+    # The largest factor known to be too small with its strength, and the smallest known to be too large.
+    below: tuple[float, float] | None = None
+    above: tuple[float, float] | None = None
+    for _ in range(8):
         if abs(reached / wanted - 1.0) < 0.1:
             break
-        if reached > 0.0:
-            shown = factor
-            factor *= float(np.clip(wanted / reached, 0.02, 50.0))
+        if reached < wanted:
+            below = factor, reached
         else:
-            factor = float(np.sqrt(factor * shown))
-        now = scaled(entry, factor)
-        reached = _strength_or_none(now, trials)
-        if reached > 0.0 and abs(np.log(reached / wanted)) < abs(np.log(best[1] / wanted)):
+            above = factor, reached
+        factor = _between(wanted, below, above)
+        now = scaled(entry, factor, trials[0].truth)
+        reached = _strength_or_inf(now, trials)
+        if 0.0 < reached < np.inf and abs(np.log(reached / wanted)) < abs(np.log(best[1] / wanted)):
             best = now, reached
     return best
+
+
+def _between(wanted: float, below: tuple[float, float] | None, above: tuple[float, float] | None) -> float:
+    """The next factor to try: in proportion from one side, and by the power law between two."""
+    if below is None or above is None:
+        factor, reached = below or above or (1.0, wanted)
+        # A clipped log shows nothing at all below its limit.
+        return factor * float(np.clip(wanted / reached, 0.02, 50.0)) if reached > 0.0 else 2.0 * factor
+    low, high = np.log(below[0]), np.log(above[0])
+    share = 0.5
+    if below[1] > 0.0 and np.isfinite(above[1]):
+        share = np.log(wanted / below[1]) / np.log(above[1] / below[1])
+    # Not too near to either end: a loop that has lost its stability has no power law.
+    return float(np.exp(low + np.clip(share, 0.1, 0.9) * (high - low)))
 
 
 def _rms(values: Array) -> float:

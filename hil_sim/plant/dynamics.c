@@ -4,6 +4,7 @@
 
 /* Beyond this turn within one step the series below would lose digits. At 8 kHz it is 160 rad/s. */
 #define SMALL_TURN_RAD 0.02
+#define QUARTER_TURN   1.5707963267948966
 
 typedef struct {
     double s, c;
@@ -40,19 +41,45 @@ impid_plant_angles impid_plant_angles_near(const impid_plant_angles *base, const
     return angles;
 }
 
-/* What the hidden effects add: torques at the joints (r), forces of the load (f), rates of their states. */
-static void add_effects(const impid_plant *plant, const impid_effects_stage *stage, const double *d,
-                        double *r, double *f, double *tip, impid_plant_rates *out) {
+/* What the hidden effects add: torques at the joints, torques on the links (r), forces of the load (f), rates
+ * of their states. */
+static void add_effects(const impid_plant *plant, const impid_plant_load *now,
+                        const impid_effects_stage *stage, const double *d, double *joint, double *r,
+                        double *f, double *tip, impid_plant_rates *out) {
     const impid_effects *e = &plant->effects;
-    double gravity[2];
     double load[2];
-    impid_effects_tip(e, stage, tip, gravity);
-    impid_effects_load_force(e, stage, plant->load.M, plant->load.K, d, load);
+    impid_effects_tip(e, stage, tip, r);
+    impid_effects_load_force(e, stage, now->M, now->K, d, load);
     for (int j = 0; j < 2; j++) {
         f[j] += load[j];
-        r[j] = impid_effects_drive_torque(e, stage, j, out->state) + gravity[j] -
-               impid_effects_friction_torque(e, stage, j) - impid_effects_angle_torque(e, stage, j);
+        joint[j] = impid_effects_drive_torque(e, stage, j, out->state) -
+                   impid_effects_friction_torque(e, stage, j) - impid_effects_angle_torque(e, stage, j);
     }
+}
+
+/* The load as it is at this instant. */
+static impid_plant_load load_now(const impid_plant *plant, double since) {
+    const impid_effects_load *more = &plant->effects.load;
+    impid_plant_load now = plant->load;
+    if (plant->effects.present && more->course != IMPID_EFFECTS_CONSTANT) {
+        const double course = impid_effects_course(&plant->effects, since);
+        for (int i = 0; i < 4; i++) {
+            now.M[i] += course * more->more_M[i];
+            now.B[i] += course * more->more_B[i];
+            now.K[i] += course * more->more_K[i];
+        }
+    }
+    return now;
+}
+
+void impid_plant_joints(const impid_plant_robot *robot, const double *q, double *p) {
+    p[0] = q[0];
+    p[1] = robot->relative ? q[1] - q[0] - QUARTER_TURN : q[1];
+}
+
+void impid_plant_joint_speeds(const impid_plant_robot *robot, const double *w, double *u) {
+    u[0] = w[0];
+    u[1] = robot->relative ? w[1] - w[0] : w[1];
 }
 
 void impid_plant_accelerate(const impid_plant *plant, const impid_plant_angles *angles,
@@ -61,7 +88,8 @@ void impid_plant_accelerate(const impid_plant *plant, const impid_plant_angles *
     const double *alpha = plant->robot.alpha;
     const double l1 = plant->robot.length[0];
     const double l2 = plant->robot.length[1];
-    const impid_plant_load *load = &plant->load;
+    const impid_plant_load now = load_now(plant, stage->since);
+    const impid_plant_load *load = &now;
     const double *M = load->M;
     const double *B = load->B;
     const double *K = load->K;
@@ -85,7 +113,8 @@ void impid_plant_accelerate(const impid_plant *plant, const impid_plant_angles *
     f[0] = -(M[0] * Jw_x + M[1] * Jw_y + B[0] * vx + B[1] * vy + K[0] * dx + K[1] * dy);
     f[1] = -(M[2] * Jw_x + M[3] * Jw_y + B[2] * vx + B[3] * vy + K[2] * dx + K[3] * dy);
 
-    double drive[2] = {stage->torque[0], stage->torque[1]};
+    double drive[2] = {0.0, 0.0}; /* on the links; what acts at the joints comes below */
+    double joint[2] = {stage->held[0], stage->held[1]};
     double tip[2] = {0.0, 0.0};
     if (plant->effects.present) {
         const double d[2] = {dx, dy};
@@ -93,13 +122,21 @@ void impid_plant_accelerate(const impid_plant *plant, const impid_plant_angles *
         stage->x[1] = dy + load->x0[1];
         stage->v[0] = vx;
         stage->v[1] = vy;
-        add_effects(plant, stage, d, drive, f, tip, out);
+        add_effects(plant, load, stage, d, joint, drive, f, tip, out);
     }
+
+    double u[2];
+    impid_plant_joint_speeds(&plant->robot, w, u);
+    joint[0] -= alpha[3] * u[0];
+    joint[1] -= alpha[4] * u[1];
+    /* A drive between the links pushes the first one back. */
+    drive[0] += plant->robot.relative ? joint[0] - joint[1] : joint[0];
+    drive[1] += joint[1];
 
     /* I + J' M J, [D] eq. 11 and the load's mass seen from the joints. */
     const double sin_difference = angles->s1 * angles->c2 - angles->c1 * angles->s2;
     const double cos_difference = angles->c1 * angles->c2 + angles->s1 * angles->s2;
-    const double h = -0.5 * alpha[1] * sin_difference;
+    const double h = -0.5 * alpha[1] * sin_difference + plant->effects.inertia12;
     const double MJ00 = M[0] * J00 + M[1] * J10;
     const double MJ01 = M[0] * J01 + M[1] * J11;
     const double MJ10 = M[2] * J00 + M[3] * J10;
@@ -113,8 +150,8 @@ void impid_plant_accelerate(const impid_plant *plant, const impid_plant_angles *
     const double c = 0.5 * alpha[1] * cos_difference;
     const double sx = f[0] + tip[0];
     const double sy = f[1] + tip[1];
-    const double r0 = drive[0] - c * w2w2 - alpha[3] * w[0] + J00 * sx + J10 * sy;
-    const double r1 = drive[1] + c * w1w1 - alpha[4] * w[1] + J01 * sx + J11 * sy;
+    const double r0 = drive[0] - c * w2w2 + J00 * sx + J10 * sy;
+    const double r1 = drive[1] + c * w1w1 + J01 * sx + J11 * sy;
 
     const double inverse = 1.0 / (A00 * A11 - A01 * A10);
     const double a0 = (A11 * r0 - A01 * r1) * inverse;
@@ -140,7 +177,7 @@ double impid_plant_energy(const impid_plant *plant) {
     const double vy = l1 * n.c1 * w[0] + l2 * n.s2 * w[1];
     const double dx = l1 * n.c1 + l2 * n.s2 - plant->load.x0[0];
     const double dy = l1 * n.s1 - l2 * n.c2 - plant->load.x0[1];
-    const double h = -0.5 * alpha[1] * (n.s1 * n.c2 - n.c1 * n.s2);
+    const double h = -0.5 * alpha[1] * (n.s1 * n.c2 - n.c1 * n.s2) + plant->effects.inertia12;
     const double robot = 0.5 * (alpha[0] * w[0] * w[0] + alpha[2] * w[1] * w[1]) + h * w[0] * w[1];
     const double mass = 0.5 * (M[0] * vx * vx + (M[1] + M[2]) * vx * vy + M[3] * vy * vy);
     const double spring = 0.5 * (K[0] * dx * dx + (K[1] + K[2]) * dx * dy + K[3] * dy * dy);

@@ -16,9 +16,13 @@ typedef struct {
 } impid_plant_rates;
 
 impid_plant_angles impid_plant_angles_of(const double *q);
+/* Angles and speeds of the joints from those of the links. */
+void impid_plant_joints(const impid_plant_robot *robot, const double *q, double *p);
+void impid_plant_joint_speeds(const impid_plant_robot *robot, const double *w, double *u);
 /* The angles base, turned on by the small amounts dq: costs no call of sin() or cos(). */
 impid_plant_angles impid_plant_angles_near(const impid_plant_angles *base, const double *dq);
-/* stage: q (only looked at with effects), w, torque, input and states are given; x and v are filled in. */
+/* stage: w and the held torque are given, and with effects q, p, u, torque, input and states; x and v are
+ * filled in. */
 void impid_plant_accelerate(const impid_plant *plant, const impid_plant_angles *angles,
                             impid_effects_stage *stage, impid_plant_rates *out);
 

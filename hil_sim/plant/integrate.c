@@ -3,14 +3,10 @@
 
 #include <math.h>
 
-/* The drives' torque as it reaches the joints or motors, and what else the stages of a step share. */
-static void begin(const impid_plant *plant, const double *input, impid_effects_stage *at) {
-    const impid_effects *effects = &plant->effects;
+/* What the stages of a step share. */
+static void begin(const double *input, impid_effects_stage *at) {
     for (size_t i = 0; input != NULL && i < IMPID_EFFECTS_INPUTS; i++) {
         at->input[i] = input[i];
-    }
-    for (int j = 0; j < 2; j++) {
-        at->torque[j] = effects->gain[j] * at->torque[j] - effects->offset[j] + at->input[j];
     }
 }
 
@@ -24,10 +20,16 @@ static void move_on(const impid_plant *plant, double ds, const double *dq, const
     for (size_t i = 0; i < IMPID_EFFECTS_STATES; i++) {
         at->state[i] = plant->effects.state[i] + ds * rates->state[i];
     }
+    impid_plant_joints(&plant->robot, at->q, at->p);
+    impid_plant_joint_speeds(&plant->robot, at->w, at->u);
+    for (int j = 0; j < 2; j++) {
+        at->torque[j] = impid_effects_arriving(&plant->effects, at, j);
+    }
 }
 
 /* The end of a step: states that the effects carry on. */
-static void finish(impid_plant *plant, const double *turned, const impid_plant_rates *mean) {
+static void finish(impid_plant *plant, const impid_effects_stage *at, const double *turned,
+                   const impid_plant_rates *mean) {
     impid_effects *effects = &plant->effects;
     const impid_plant_angles n = impid_plant_angles_of(plant->q);
     const double l1 = plant->robot.length[0];
@@ -41,7 +43,12 @@ static void finish(impid_plant *plant, const double *turned, const impid_plant_r
     for (size_t i = 0; i < IMPID_EFFECTS_STATES; i++) {
         effects->state[i] += plant->step_s * mean->state[i];
     }
-    impid_effects_friction_step(effects, turned);
+    double by[2];
+    impid_plant_joint_speeds(&plant->robot, turned, by);
+    impid_effects_friction_step(effects, by);
+    impid_effects_drive_step(effects, at, by, plant->step_s);
+    const double x[2] = {d[0] + plant->load.x0[0], d[1] + plant->load.x0[1]};
+    impid_effects_tip_step(effects, x);
     impid_effects_load_step(effects, moved, d, v);
     effects->force = sqrt(mean->f[0] * mean->f[0] + mean->f[1] * mean->f[1]);
     effects->time_s += plant->step_s;
@@ -55,12 +62,12 @@ static void step(impid_plant *plant, const double *torque, const double *input, 
     const double dt = plant->step_s;
     const impid_plant_angles start = impid_plant_angles_of(plant->q);
     impid_effects *effects = &plant->effects;
-    impid_effects_stage at = {.w = {plant->w[0], plant->w[1]}, .torque = {torque[0], torque[1]}};
+    impid_effects_stage at = {.w = {plant->w[0], plant->w[1]}, .held = {torque[0], torque[1]}};
     double turned[2] = {0.0, 0.0};
     impid_plant_rates rates = {.a = {0.0, 0.0}};
     impid_plant_rates sum = {.a = {0.0, 0.0}};
     if (effects->present) {
-        begin(plant, input, &at);
+        begin(input, &at);
     }
 
     for (int stage = 0; stage < 4; stage++) {
@@ -89,7 +96,7 @@ static void step(impid_plant *plant, const double *torque, const double *input, 
         turned[j] *= dt;
     }
     if (effects->present) {
-        finish(plant, turned, &sum);
+        finish(plant, &at, turned, &sum);
     }
     *mean = sum;
 }
@@ -99,15 +106,22 @@ void impid_plant_rest(impid_plant *plant, const double *q) {
         plant->q[j] = q[j];
         plant->w[j] = 0.0;
         plant->velocity[j] = 0.0;
-        plant->effects.state[j] = q[j];
-        plant->effects.state[4 + j] = q[j];
     }
+    double p[2];
+    impid_plant_joints(&plant->robot, q, p);
+    for (int j = 0; j < 2; j++) {
+        plant->effects.state[j] = p[j];
+        plant->effects.state[4 + j] = p[j];
+    }
+    const impid_plant_angles n = impid_plant_angles_of(q);
+    plant->effects.place[0] = plant->robot.length[0] * n.c1 + plant->robot.length[1] * n.s2;
+    plant->effects.place[1] = plant->robot.length[0] * n.s1 - plant->robot.length[1] * n.c2;
     impid_plant_read_encoders(plant, plant->count);
     impid_plant_rest_control(plant);
 }
 
 void impid_plant_run(impid_plant *plant, size_t ticks, const double *reference, const double *input,
-                     double *q, double *w, double *acceleration, double *force, int32_t *count,
+                     double *q, double *w, double *acceleration, double *force, double *crept, int32_t *count,
                      double *torque) {
     for (size_t tick = 0; tick < ticks; tick++) {
         double *held = &torque[2u * tick];
@@ -124,6 +138,7 @@ void impid_plant_run(impid_plant *plant, size_t ticks, const double *reference, 
                 w[row + j] = plant->w[j];
                 acceleration[row + j] = mean.x[j];
                 force[row + j] = mean.f[j];
+                crept[row + j] = plant->effects.crept[j];
             }
         }
     }

@@ -13,11 +13,27 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 
+QUARTER_TURN = np.pi / 2
+
+
+def joints_of(q: Array, *, relative: bool) -> Array:
+    """Angles of the joints, as encoders see them, from those of the links, shape (..., 2), rad.
+
+    A relative second joint stands at zero where the second link goes on along the first.
+    """
+    return np.stack([q[..., 0], q[..., 1] - q[..., 0] - QUARTER_TURN], axis=-1) if relative else q
+
+
+def links_of(p: Array, *, relative: bool) -> Array:
+    """Angles of the links from those of the joints; the inverse of `joints_of`."""
+    return np.stack([p[..., 0], p[..., 0] + p[..., 1] + QUARTER_TURN], axis=-1) if relative else p
+
+
 def position(q: Array, link_lengths_m: tuple[float, float]) -> Array:
     """Place of the end-effector.
 
     Args:
-        q: joint angles, shape (..., 2), rad.
+        q: angles of the links, shape (..., 2), rad.
         link_lengths_m: l1, l2.
 
     Returns:

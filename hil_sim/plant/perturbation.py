@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import butter, coherence, sosfilt
 
-from hil_sim.plant.kinematics import joint_angles
+from hil_sim.plant.kinematics import joint_angles, joints_of
 
 Array = NDArray[np.float64]
 RATE_HZ = 500.0  # of the random numbers, [P]
@@ -22,16 +22,18 @@ class Perturbation:
         hold_m: where the PD holds, shape (2,).
         force_N: one row per 2 ms, shape (n, 2).
         link_lengths_m: l1, l2.
+        relative: see hil_sim.plant.plant.
     """
 
     hold_m: Array
     force_N: Array
     link_lengths_m: tuple[float, float]
+    relative: bool = False
 
     @property
     def start_rad(self) -> Array:
         """Joint angles at which the robot rests before the start, shape (2,)."""
-        return joint_angles(self.hold_m, self.link_lengths_m)
+        return joints_of(joint_angles(self.hold_m, self.link_lengths_m), relative=self.relative)
 
     def ticked(self, tick_s: float) -> "HeldPerturbation":
         """On the ticks of a controller with this period, each force held until the next."""

@@ -6,9 +6,11 @@
  * IMPID_PLANT_SUBSTEPS Runge-Kutta steps per tick. At each tick the controller reads the encoders, which
  * count in whole steps, and holds its torque until the next tick.
  *
- * Model, absolute angles q, [D] eqs. 1 and 11 to 13, with the sign of C's second row that energy demands:
+ * Model, angles q of the links, [D] eqs. 1 and 11 to 13, with the sign of C's second row that energy demands:
  *     I(q) q'' + C(q, q') q' + F_r(q') = tau + J' F_ext
  *     F_ext = -(M x'' + B x' + K (x - x0)), the force of the load on the robot
+ * Encoders, drives and friction know the joints' angles p: the same as q, or that of the second link against
+ * the first.
  * q'' is linear in both, so robot and load are solved as one 2 by 2 system.
  *
  * Ownership: the caller owns the plant and all arrays. No heap, no globals. Cannot fail: what makes a
@@ -27,6 +29,8 @@
 typedef struct {
     double alpha[5];  /* I: [0], [1], [2] kg m^2; viscous friction: [3], [4] N m s/rad */
     double length[2]; /* m */
+    int32_t
+        relative; /* joint angles p = (q1, q2 - q1 - 90 degrees): along the first link the second has none */
 } impid_plant_robot;
 
 /* All zero: nothing on the end-effector. Matrices row by row. */
@@ -43,6 +47,7 @@ typedef struct {
     double once_per_turn[2];  /* eccentricity: amplitude, rad */
     double phase_rad[2];      /* of it */
     double shift_rad[2];      /* the reading is so much too high */
+    double factor[2];         /* true angle over the declared one, both from count 0 */
 } impid_plant_encoder;
 
 typedef struct {
@@ -51,6 +56,7 @@ typedef struct {
     double kd[2];           /* N m s/rad; N s/m */
     double velocity_weight; /* weight of the newest difference in the velocity estimate, 0 to 1 */
     double tick_s;          /* the controller's own idea of its period */
+    double length[2];       /* of the links, as the controller believes, m */
 } impid_plant_controller;
 
 typedef struct {
@@ -72,13 +78,13 @@ void impid_plant_rest(impid_plant *plant, const double *q);
 
 /* One row per substep s, which lasts from grid point s to s + 1: q and w at its end, acceleration of the
  * end-effector and force of the load on the robot as means over it (exact to the order of the
- * integration, also where the torque steps). One row per tick: the counts that were read at the tick, and the
- * torque that is held from then on.
+ * integration, also where the torque steps), and by how much the encoders then run ahead, rad. One row per
+ * tick: the counts that were read at the tick, and the torque that is held from then on.
  *
  * reference: ticks rows of q1, q2 (rad), w1, w2 (rad/s); for the controller at the end-effector x, y (m) and
  * the force to add (N). input: ticks rows of IMPID_EFFECTS_INPUTS, held over the tick; NULL: all zero. */
 void impid_plant_run(impid_plant *plant, size_t ticks, const double *reference, const double *input,
-                     double *q, double *w, double *acceleration, double *force, int32_t *count,
+                     double *q, double *w, double *acceleration, double *force, double *crept, int32_t *count,
                      double *torque);
 
 /* The kinetic energy of the robot and the mass on it, plus the energy of the load's springs, J; without that

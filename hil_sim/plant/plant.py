@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil_sim._native import ffi, lib
-from hil_sim.effects.physics import INPUTS, PlantEffects, native
 from hil_sim.plant.kinematics import position
+from hil_sim.plant.physics import INPUTS, PlantEffects, native
 
 Array = NDArray[np.float64]
 SUBSTEPS = 8  # IMPID_PLANT_SUBSTEPS: steps of the integration per tick of the controller
@@ -44,6 +44,8 @@ class PlantParameters:
     Attributes:
         alpha: the five robot parameters of [D] Table VI, SI.
         link_lengths_m: l1, l2.
+        relative: the second joint's angle is that of its link against the first one.
+        believed_lengths_m: what setup and controller take them for; None: the same.
         load: what is on the end-effector.
         counts_per_rev: encoder counts per turn of each joint.
         direction: +1 or -1 for each encoder.
@@ -56,6 +58,7 @@ class PlantParameters:
         at_tip: the controller works at the end-effector, [P] eq. 2: kp in N/m, kd in N s/m.
         once_per_turn_rad, phase_rad: eccentricity of the encoders.
         shift_rad: by how much the encoders' readings are too high.
+        factor: true angle over the declared one, from count 0.
         effects: what the papers' models lack; None for nothing.
     """
 
@@ -74,7 +77,24 @@ class PlantParameters:
     once_per_turn_rad: tuple[float, float] = (0.0, 0.0)
     phase_rad: tuple[float, float] = (0.0, 0.0)
     shift_rad: tuple[float, float] = (0.0, 0.0)
+    factor: tuple[float, float] = (1.0, 1.0)
+    believed_lengths_m: tuple[float, float] | None = None
+    relative: bool = False
     effects: PlantEffects | None = None
+
+    @property
+    def likely_moments_kg_m(self) -> tuple[float, float]:
+        """First moments of the links about their axes, as far as alpha tells.
+
+        alpha2 / 2 is l1 times the second link's; the first link's is that of a mass at its end.
+        """
+        l1 = self.link_lengths_m[0]
+        return self.alpha[0] / l1, 0.5 * self.alpha[1] / l1
+
+    @property
+    def declared_lengths_m(self) -> tuple[float, float]:
+        """The links' lengths as setup and controller believe them."""
+        return self.believed_lengths_m or self.link_lengths_m
 
 
 @dataclass(frozen=True)
@@ -82,10 +102,11 @@ class Motion:
     """A stretch of motion. n ticks, 8 n substeps; substep s lasts from grid point s to s + 1.
 
     Attributes:
-        q: joint angles at the end of each substep, shape (8 n, 2), rad.
-        w: joint speeds there, shape (8 n, 2), rad/s.
+        q: angles of the links at the end of each substep, shape (8 n, 2), rad.
+        w: their speeds there, shape (8 n, 2), rad/s.
         acceleration: of the end-effector in the base frame, mean over each substep, shape (8 n, 2), m/s^2.
         force: of the load on the robot, mean over each substep, shape (8 n, 2), N.
+        crept: by how much the encoders run ahead of the joints there, shape (8 n, 2), rad.
         count: what the controller read at each tick, shape (n, 2).
         torque: what it held from there to the next tick, shape (n, 2), N m.
     """
@@ -94,6 +115,7 @@ class Motion:
     w: Array
     acceleration: Array
     force: Array
+    crept: Array
     count: NDArray[np.int32]
     torque: Array
 
@@ -110,7 +132,11 @@ class Plant:
         self._plant = ffi.new(
             "impid_plant *",
             {
-                "robot": {"alpha": list(p.alpha), "length": list(p.link_lengths_m)},
+                "robot": {
+                    "alpha": list(p.alpha),
+                    "length": list(p.link_lengths_m),
+                    "relative": int(p.relative),
+                },
                 "load": {
                     "M": p.load.M.ravel().tolist(),
                     "B": p.load.B.ravel().tolist(),
@@ -123,6 +149,7 @@ class Plant:
                     "once_per_turn": list(p.once_per_turn_rad),
                     "phase_rad": list(p.phase_rad),
                     "shift_rad": list(p.shift_rad),
+                    "factor": list(p.factor),
                 },
                 "controller": {
                     "at_tip": int(p.at_tip),
@@ -130,6 +157,7 @@ class Plant:
                     "kd": list(p.kd),
                     "velocity_weight": weight,
                     "tick_s": p.tick_s,
+                    "length": list(p.declared_lengths_m),
                 },
                 "effects": native(
                     p.effects or PlantEffects(),
@@ -188,6 +216,7 @@ class Plant:
             w=np.empty(fine),
             acceleration=np.empty(fine),
             force=np.empty(fine),
+            crept=np.empty(fine),
             count=np.empty((ticks, 2), dtype=np.int32),
             torque=np.empty((ticks, 2)),
         )
@@ -196,7 +225,10 @@ class Plant:
             ticks,
             ffi.from_buffer("double[]", reference),
             ffi.NULL if inputs is None else ffi.from_buffer("double[]", inputs),
-            *(_doubles(array) for array in (motion.q, motion.w, motion.acceleration, motion.force)),
+            *(
+                _doubles(array)
+                for array in (motion.q, motion.w, motion.acceleration, motion.force, motion.crept)
+            ),
             ffi.from_buffer("int32_t[]", motion.count, require_writable=True),
             _doubles(motion.torque),
         )

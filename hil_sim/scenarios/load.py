@@ -44,7 +44,9 @@ def load(name_or_path: str) -> Scenario:
                 one["command_csv"] = str(path.parent / str(one["command_csv"]))
         scenario = Scenario.model_validate(content)
         for one in scenario.effects:
-            catalogue.entry(one.effect, one.places, one.trials, one.values)
+            catalogue.entry(
+                one.effect, one.places, one.trials, one.values, when=one.when, per_trial=one.per_trial
+            )
     except tomllib.TOMLDecodeError as error:
         raise SimError(f"{path}: not valid TOML, {error}; correct that line") from None
     except ValidationError as error:

@@ -6,17 +6,19 @@ from typing import Any
 import numpy as np
 
 from hil_sim.effects import catalogue
-from hil_sim.effects.entry import Entry, Parameter
+from hil_sim.effects.entry import Entry
 from hil_sim.effects.strength import Clean, scaled_to
+from hil_sim.effects.strength import strength as measured
 from hil_sim.errors import SimError
 from hil_sim.plant.kinematics import joint_angles
+from hil_sim.scenarios.random_effects import drawn
 from hil_sim.scenarios.schema import Scenario, Trial
 from hil_sim.seeds import generator
 from hil_sim.trials import without_effects
 
 ALPHA = np.array([0.06929, 0.04217, 0.04416, 0.06510, 0.07389])  # [D] Table VI
 LENGTHS = (0.254, 0.2667)
-NOISES = ("mixed", "white", "ar", "pink", "speed")
+NOISES = ("mixed", "white", "ar", "pink", "speed", "student")
 
 
 @dataclass(frozen=True)
@@ -42,18 +44,23 @@ def random_scenario(
     noise: str = "mixed",
     force_sensor: bool = True,
     counts_per_rev: int | None = None,
+    weighed: bool = False,
+    torque_quantum_Nm: float | None = None,
 ) -> tuple[Scenario, dict[str, float]]:
     """A study of a random laboratory in good order, except for these effects.
 
     Args:
         seed: decides everything.
         size: of the study.
-        effects: "name@place", or "name@place+place"; the place may be left out.
-        strength: of each effect by itself, over the noise floor; see hil_sim.effects.strength.
+        effects: "name@place", or more of it; see hil_sim.scenarios.random_effects.
+        strength: of each effect by itself, over the noise floor; see hil_sim.effects.strength. An effect
+            whose label states its size has that.
         noise: of the logged torque, one of NOISES: white and a little autoregressive, or one kind alone;
-            `speed` is white noise beside some that grows with the joint's speed.
+            `speed` is white noise beside some that grows with the joint's speed, `student` has heavy tails.
         force_sensor: whether the robot has one.
         counts_per_rev: of both encoders; None: the 400 000 of [D].
+        weighed: trial.toml states the payloads' masses.
+        torque_quantum_Nm: the logged torque comes in steps of this; None: of 2 mN m.
 
     Returns:
         The scenario, and the strength that each effect reached.
@@ -69,15 +76,31 @@ def random_scenario(
         content["setup"]["encoder"]["counts_per_rev"] = (counts_per_rev, counts_per_rev)
     if not force_sensor:
         del content["world"]["force_sensor"]
+    if torque_quantum_Nm is not None:
+        content["world"]["torque_log"]["quantum_Nm"] = (torque_quantum_Nm, torque_quantum_Nm)
+    if weighed:
+        for trial in content["trials"]:
+            if "load" in trial:
+                trial["payload_kg"] = content["world"]["loads"][trial["load"]]["M_kg"][0][0]
     clean = Scenario.model_validate(content)
     reached = {}
     content["effects"] = []
     for label in effects:
-        entry = _drawn(label, clean, generator(seed, "random study", label))
+        entry, sized = drawn(label, clean, generator(seed, "random study", label))
         trials = [Clean.of(without_effects(clean, trial, seed)) for trial in _witnesses(entry, clean)]
-        entry, reached[label] = scaled_to(entry, strength, trials)
+        if sized:
+            reached[label] = measured((entry,), trials)
+        else:
+            entry, reached[label] = scaled_to(entry, strength, trials)
         content["effects"].append(
-            {"effect": entry.effect, "where": list(entry.where), "trials": list(entry.trials), **entry.values}
+            {
+                "effect": entry.effect,
+                "where": list(entry.where),
+                "when": entry.when,
+                "trials": list(entry.trials),
+                "per_trial": entry.per_trial,
+                **entry.values,
+            }
         )
     return Scenario.model_validate(content), reached
 
@@ -87,7 +110,7 @@ def _witnesses(entry: Entry, scenario: Scenario) -> list[Trial]:
     loaded = catalogue.ROWS[entry.effect].loaded_only
     kinds: dict[tuple[bool, bool], Trial] = {}
     for trial in scenario.trials:
-        present = catalogue.applies(entry, trial.name, loaded=trial.load is not None)
+        present = catalogue.applies(entry, trial.name, loaded=trial.load is not None, load=trial.load)
         if present or (trial.load is None and not loaded):
             kinds.setdefault((trial.load is None, present), trial)
     return list(kinds.values())
@@ -155,6 +178,8 @@ def _torque_noise(kind: str, rng: np.random.Generator) -> list[dict[str, Any]]:
         return [source("ar", 0.004, 0.012, corner_Hz=float(rng.uniform(1.0, 8.0)))]
     if kind == "pink":
         return [source("pink", 0.005, 0.015)]
+    if kind == "student":
+        return [source("student", 0.02, 0.08)]
     if kind == "speed":
         return [source("white", 0.01, 0.03), source("speed", 0.03, 0.1)]
     raise SimError(f"noise {kind}: not known; use one of {', '.join(NOISES)}")
@@ -179,44 +204,3 @@ def _load(rng: np.random.Generator) -> dict[str, Any]:
         "K_N_per_m": ((kxx, ks), (ks, kyy)),
         "x0_m": tuple(place.tolist()),
     }
-
-
-def _drawn(label: str, scenario: Scenario, rng: np.random.Generator) -> Entry:
-    """The effect of that label with random parameters at its ordinary size."""
-    name, _, place = label.partition("@")
-    if name not in catalogue.ROWS:
-        raise SimError(f"effect {name}: not known; use one of {', '.join(catalogue.ROWS)}")
-    row = catalogue.ROWS[name]
-    where = tuple(place.split("+")) if place else row.places[:1]
-    given: dict[str, Any] = {}
-    for parameter in row.parameters:
-        if name == "inertia.extra" and (parameter.name == "mass") != (where == ("tip",)):
-            continue
-        if parameter.low or parameter.high:
-            given[parameter.name] = _value(parameter, where, rng)
-    if name == "load.coupling":
-        skew = float(rng.choice([-1.0, 1.0])) * given["K"]
-        given["K"] = [[0.0, skew], [-skew, 0.0]]
-    trials: tuple[str, ...] = ()
-    if name in ("outside.one_trial", "outside.push"):
-        among = [t.name for t in scenario.trials if (t.load is not None) == (name == "outside.push")]
-        trials = (str(rng.choice(among)),)
-    if name == "inertia.extra":
-        # In every trial it would be part of alpha, and no one could tell.
-        trials = tuple(trial.name for trial in scenario.trials if trial.load is not None)
-    return catalogue.entry(name, where, trials, given)
-
-
-def _value(parameter: Parameter, where: tuple[str, ...], rng: np.random.Generator) -> Any:
-    """One draw, or one for each place or axis."""
-
-    def one() -> float:
-        value = float(rng.uniform(parameter.low, parameter.high))
-        if parameter.signed and rng.random() < 0.5:
-            value = 2.0 * (parameter.neutral or 0.0) - value
-        return value
-
-    if parameter.pair:
-        size, angle = one(), float(rng.uniform(0.0, 2.0 * np.pi))
-        return [size * float(np.cos(angle)), size * float(np.sin(angle))]
-    return [one() for _ in where] if len(where) > 1 else one()

@@ -15,6 +15,9 @@ Direction = Literal[-1, 1]
 ZERO: Matrix = ((0.0, 0.0), (0.0, 0.0))
 
 
+RobotModel = Literal["planar-2r-absolute", "planar-2r-relative", "joint-1d", "slide-1d"]
+
+
 class _Table(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
@@ -22,8 +25,28 @@ class _Table(BaseModel):
 class SetupRobot(_Table):
     """setup.toml [robot]."""
 
-    model: Literal["planar-2r-absolute"] = "planar-2r-absolute"
-    link_lengths_m: PositivePair
+    model: RobotModel = "planar-2r-absolute"
+    link_lengths_m: PositivePair = (1.0, 1.0)  # of a single axis nobody asks
+    gravity_m_s2: Pair | None = None
+
+    @property
+    def single(self) -> bool:
+        """One axis, its load on it, no board."""
+        return self.model in ("joint-1d", "slide-1d")
+
+    @property
+    def relative(self) -> bool:
+        """The second joint's angle is that of its link against the first one."""
+        return self.model == "planar-2r-relative"
+
+    @model_validator(mode="after")
+    def _keys_fit_model(self) -> "SetupRobot":
+        if self.single == ("link_lengths_m" in self.model_fields_set):
+            remedy = "remove it" if self.single else "add the lengths of both links"
+            raise ValueError(f"link_lengths_m does not go with {self.model}: {remedy}")
+        if self.gravity_m_s2 is not None and not self.relative:
+            raise ValueError("gravity_m_s2 is for planar-2r-relative: remove it, or hide gravity.tilt")
+        return self
 
 
 class SetupEncoder(_Table):
@@ -60,11 +83,31 @@ class Setup(_Table):
     accelerometer: SetupAccelerometer
     handle: SetupHandle = SetupHandle()
 
+    @model_validator(mode="before")
+    @classmethod
+    def _nothing_but_the_axis(cls, content: Any) -> Any:
+        """A single axis is logged by its own drive; what the plant needs besides, nobody knows."""
+        if not isinstance(content, dict) or not isinstance(content.get("robot"), dict):
+            return content
+        if content["robot"].get("model") not in ("joint-1d", "slide-1d"):
+            return content
+        sensor = {"vref_V": 3.3, "zero_g_V": (1.65, 1.65), "sensitivity_V_per_g": (0.62, 0.62)}
+        return {"encoder": {"counts_per_rev": (400_000, 400_000)}, "accelerometer": sensor, **content}
+
 
 class RobotTruth(_Table):
-    """[world.robot]: alpha as in [D] eqs. 11 to 13, SI."""
+    """[world.robot]: alpha as in [D] eqs. 11 to 13, SI; of a single axis inertia (or mass), damping."""
 
     alpha: tuple[Positive, float, Positive, NotNegative, NotNegative]
+    moment_kg_m: Pair | None = None  # first moments of the links; None: those of masses at their ends
+
+    @model_validator(mode="before")
+    @classmethod
+    def _second_joint_stands_aside(cls, content: Any) -> Any:
+        if isinstance(content, dict) and len(content.get("alpha", ())) == 2:
+            inertia, damping = content["alpha"]
+            return {**content, "alpha": (inertia, 0.0, 1.0, damping, 0.0)}
+        return content
 
     @model_validator(mode="after")
     def _inertia_is_positive(self) -> "RobotTruth":
@@ -107,13 +150,13 @@ class _Noise(_Table):
 class NoiseTable(_Noise):
     """[[world.force_sensor.noise]] (N): sources add up."""
 
-    kind: Literal["white", "ar", "pink", "heteroscedastic"] = "white"
+    kind: Literal["white", "ar", "pink", "heteroscedastic", "student"] = "white"
 
 
 class TorqueNoiseTable(_Noise):
     """[[world.torque_log.noise]] (N m): sources add up; a drive's noise may also grow with the speed."""
 
-    kind: Literal["white", "ar", "pink", "heteroscedastic", "speed"] = "white"
+    kind: Literal["white", "ar", "pink", "heteroscedastic", "speed", "student"] = "white"
 
 
 class ForceSensorTable(_Table):
@@ -171,12 +214,28 @@ class Serial(_Table):
 
 
 class LoadTruth(_Table):
-    """[world.loads.NAME]: F_ext = -(M x'' + B x' + K (x - x0))."""
+    """[world.loads.NAME]: F_ext = -(M x'' + B x' + K (x - x0)).
+
+    On a single axis numbers stand for the matrices: kg or kg m^2, N s/m or N m s/rad, and so on.
+    """
 
     M_kg: Matrix
     B_Ns_per_m: Matrix = ZERO
     K_N_per_m: Matrix = ZERO
     x0_m: Pair
+
+    @model_validator(mode="before")
+    @classmethod
+    def _numbers_are_along_the_axis(cls, content: Any) -> Any:
+        if not isinstance(content, dict):
+            return content
+
+        def widened(name: str, value: Any) -> Any:
+            if not isinstance(value, (int, float)):
+                return value
+            return (value, 0.0) if name == "x0_m" else ((value, 0.0), (0.0, 0.0))
+
+        return {name: widened(name, value) for name, value in content.items()}
 
     @model_validator(mode="after")
     def _mass_is_not_negative(self) -> "LoadTruth":
@@ -285,6 +344,8 @@ class EffectTable(BaseModel):
     effect: str
     where: str | tuple[str, ...] = ()
     trials: tuple[str, ...] = ()
+    when: Literal["all", "free", "load"] = "all"
+    per_trial: dict[str, dict[str, Any]] = {}
 
     @property
     def places(self) -> tuple[str, ...]:
@@ -323,9 +384,15 @@ class Scenario(_Table):
         if twice:
             raise ValueError(f"two trials are called {twice[0]}: give each its own name")
         for effect in self.effects:
-            unknown = [name for name in effect.trials if name not in names]
+            there = {*names, *(trial.load for trial in self.trials)}
+            unknown = [name for name in (*effect.trials, *effect.per_trial) if name not in there]
             if unknown:
-                raise ValueError(f"effect {effect.effect} names the trial {unknown[0]}: there is none")
+                raise ValueError(f"effect {effect.effect} names {unknown[0]}: there is no such trial or load")
+        if self.setup.robot.single:
+            if any(trial.kind == "stochastic" for trial in self.trials):
+                raise ValueError(f"{self.setup.robot.model} has no stochastic trials: choose another kind")
+            if self.world.force_sensor is not None:
+                raise ValueError("a single axis has no force sensor: remove [world.force_sensor]")
         for trial in self.trials:
             if trial.load is not None and trial.load not in self.world.loads:
                 raise ValueError(

@@ -20,6 +20,8 @@ class Clock:
         drift_s: what it is ahead by beyond that: drift_s[k] times the Legendre polynomial of degree k + 2
             over the trial.
         wander_ppm, wander_period_s: its rate swings by so much, as the room's temperature does.
+        swing_s, swing_period_s, swing_phase_rad: it swings by so much about the straight line that fits best
+            over the trial.
         span_s: of the trial.
     """
 
@@ -28,6 +30,9 @@ class Clock:
     drift_s: tuple[float, ...] = ()
     wander_ppm: float = 0.0
     wander_period_s: float = 600.0
+    swing_s: float = 0.0
+    swing_period_s: float = 30.0
+    swing_phase_rad: float = 0.0
     span_s: float = 1.0
 
     @property
@@ -51,4 +56,23 @@ class Clock:
         if self.wander_ppm:
             omega = 2.0 * np.pi / self.wander_period_s
             result = result + 1e-6 * self.wander_ppm / omega * np.sin(omega * true_s)
+        if self.swing_s:
+            result = result + self._swing(u)
         return np.asarray(result)
+
+    @property
+    def steady(self) -> bool:
+        """It keeps its rate."""
+        return not (self.drift_s or self.wander_ppm or self.swing_s)
+
+    def _swing(self, u: Array) -> Array:
+        """The sine without its constant and its slope: those are zero and rate of any clock."""
+        turns = np.pi * self.span_s / self.swing_period_s
+        nodes, weights = np.polynomial.legendre.leggauss(64)
+
+        def sine(at: Array) -> Array:
+            return np.asarray(self.swing_s * np.sin(turns * (at + 1.0) + self.swing_phase_rad))
+
+        constant = 0.5 * np.sum(weights * sine(nodes))
+        slope = 1.5 * np.sum(weights * nodes * sine(nodes))
+        return np.asarray(sine(u) - constant - slope * u)

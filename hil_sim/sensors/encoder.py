@@ -16,6 +16,8 @@ class EncoderTruth:
         counts_per_rev, zero_rad, direction: as the laboratory believes.
         once_per_turn_rad, phase_rad: the disc stands off its centre, reading = q + a sin(q + phase).
         shift_rad: the reading is so much too high.
+        factor: true angle over the declared one, both from count 0: real counts per turn are declared ones
+            over this.
     """
 
     counts_per_rev: tuple[float, float]
@@ -24,16 +26,18 @@ class EncoderTruth:
     once_per_turn_rad: tuple[float, float] = (0.0, 0.0)
     phase_rad: tuple[float, float] = (0.0, 0.0)
     shift_rad: tuple[float, float] = (0.0, 0.0)
+    factor: tuple[float, float] = (1.0, 1.0)
 
     def reading(self, q: Array) -> Array:
         """What the joints seem to stand at, before counting, shape (..., 2), rad."""
         error = np.array(self.once_per_turn_rad) * np.sin(q + np.array(self.phase_rad))
-        return np.asarray(q + error + np.array(self.shift_rad))
+        zero = np.array(self.zero_rad)
+        return np.asarray(zero + (q + error + np.array(self.shift_rad) - zero) / np.array(self.factor))
 
     def place_of(self, reading: Array) -> Array:
         """Joint angles at which `reading` (rad) is shown; the inverse of `reading`."""
         q = np.array(reading, dtype=np.float64)
-        for _ in range(50):  # contracts by the amplitude, some hundredths
+        for _ in range(50):  # contracts by the amplitude and factor, some hundredths
             q += reading - self.reading(q)
         return q
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 Array = NDArray[np.float64]
-Kind = Literal["white", "ar", "pink", "heteroscedastic", "speed"]
+Kind = Literal["white", "ar", "pink", "heteroscedastic", "speed", "student"]
 LOWEST_HZ = 0.02  # pink noise is flat below: longer than any trial would need
 
 
@@ -23,7 +23,8 @@ class NoiseTruth:
     Attributes:
         kind: `white`; `ar`: first-order autoregression, -3 dB at corner_Hz; `pink`: density as 1/f from 0.02
             Hz to half the rate; `heteroscedastic`: white, in proportion to the quantity itself; `speed`:
-            white, in proportion to the speed of the joint.
+            white, in proportion to the speed of the joint; `student`: white with heavy tails, Student's t
+            with three degrees of freedom.
         rms: standard deviation of one logged value; for `heteroscedastic` its share of the quantity, for
             `speed` that at 1 rad/s.
         corner_Hz: for `ar`.
@@ -65,6 +66,11 @@ class Noise:
         if truth.kind == "speed":
             turning = np.zeros(values.shape) if speed is None else speed
             return np.asarray(values + rms * turning * self._generator.standard_normal(values.shape))
+        if truth.kind == "student":
+            normal = self._generator.standard_normal((values.shape[0], 2, 4))
+            # A normal number over the root of a mean of three squares; its variance is 3.
+            tails = normal[:, :, 0] / np.sqrt(np.mean(normal[:, :, 1:] ** 2, axis=2))
+            return np.asarray(values + rms / np.sqrt(3.0) * tails)
         drive = self._generator.standard_normal((values.shape[0], self._keep.size, 2))
         noise = np.zeros(values.shape)
         for i, keep in enumerate(self._keep):

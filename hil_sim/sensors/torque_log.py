@@ -91,10 +91,11 @@ class TorqueLog:
         tick_s: float,
         ticks: int,
         encoder: EncoderTruth,
+        relative: bool = False,
         force_sensor: ForceSensor | None,
         generators: tuple[np.random.Generator, np.random.Generator],
     ) -> None:
-        """ticks: how long the trial is. zero_s: the robot's clock at its first tick.
+        """ticks: how long the trial is. zero_s: the robot's clock at its first tick. relative: see Plant.
 
         generators: of the noise, and of everything else.
         """
@@ -104,6 +105,7 @@ class TorqueLog:
         self._tick_s = tick_s
         self._rows = -(-ticks // every)
         self._encoder = encoder
+        self._relative = relative
         self._force_sensor = force_sensor
         # Each source of chance has its own stream, or the length of the blocks would decide who draws what.
         streams = generators[0].spawn(len(truth.noise))
@@ -113,12 +115,13 @@ class TorqueLog:
         ]
         self._jitter, self._gaps, self._sticks = generators[1].spawn(3)
         self._late = np.array(truth.delay_s) / tick_s  # ticks
+        self._force_late = 0.0 if force_sensor is None else force_sensor.delay_s / tick_s
         self._next = -(-round(truth.late_start_s / tick_s) // every)  # row
         self._missing = 0  # rows of the gap that are still to come
         self._stuck = 0
         self._held_value = np.zeros(2)
         # What is still needed, from tick _from on. Before the motion nothing exerts any torque.
-        back = every + 1 + int(np.ceil(max(0.0, self._late.max())))
+        back = every + 1 + int(np.ceil(max(0.0, self._late.max(), self._force_late)))
         self._back = back
         self._from = -back
         self._torque = np.zeros((back, 2))
@@ -141,13 +144,15 @@ class TorqueLog:
     def add(self, motion: Motion, command: Array) -> LogRows:
         """The rows that this stretch completes. command: force commanded at each tick, shape (n, 2), N."""
         self._torque = np.concatenate([self._torque, motion.torque])
-        self._speed = np.concatenate([self._speed, motion.w[::SUBSTEPS]])
+        w = motion.w[::SUBSTEPS]
+        speed = np.stack([w[:, 0], w[:, 1] - w[:, 0]], axis=1) if self._relative else w
+        self._speed = np.concatenate([self._speed, speed])
         self._force = np.concatenate([self._force, motion.force])
         self._count = np.concatenate([self._count, motion.count])
         self._command = np.concatenate([self._command, command])
         every = self._truth.every_ticks
         known = self._from + self._torque.shape[0]
-        last = (known - 0.5 * every + min(0.0, float(self._late.min()))) / every
+        last = (known - 0.5 * every + min(0.0, float(self._late.min()), self._force_late)) / every
         rows = np.arange(self._next, min(self._rows, int(np.floor(last)) + 1))
         result = self._rows_at(rows)
         self._next += rows.size
@@ -169,7 +174,9 @@ class TorqueLog:
             if quantum > 0.0:
                 tau[:, j] = quantum * np.round(tau[:, j] / quantum)
         tau = self._sticking(tau)
-        force = None if self._force_sensor is None else self._force_sensor.read(self._mean_force(index))
+        force = None
+        if self._force_sensor is not None:
+            force = self._force_sensor.read(self._mean_force(index), np.asarray(ticks * self._tick_s))
         late = truth.jitter_s * np.abs(self._jitter.standard_normal(rows.size))
         keep = self._present(rows.size)
         return LogRows(
@@ -196,8 +203,15 @@ class TorqueLog:
     def _mean_force(self, index: NDArray[np.int64]) -> Array:
         width = SUBSTEPS * self._truth.every_ticks
         area = np.concatenate([np.zeros((1, 2)), np.cumsum(self._force, axis=0)])
-        first = SUBSTEPS * index - width // 2
-        return np.asarray((area[first + width] - area[first]) / width)
+        if self._force_late:
+            first = SUBSTEPS * (index - self._force_late) - width // 2
+            knots = np.arange(area.shape[0])
+            columns = [
+                np.interp(first + width, knots, column) - np.interp(first, knots, column) for column in area.T
+            ]
+            return np.stack(columns, axis=1) / width
+        start = SUBSTEPS * index - width // 2
+        return np.asarray((area[start + width] - area[start]) / width)
 
     def _present(self, count: int) -> NDArray[np.bool_]:
         """Which rows made it into the file."""

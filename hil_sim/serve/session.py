@@ -82,6 +82,8 @@ def serve(scenario: Scenario, trial: Trial, options: ServeOptions) -> None:
 class _Session:
     def __init__(self, scenario: Scenario, trial: Trial, options: ServeOptions) -> None:
         self._trial, self._options = trial, options
+        if scenario.setup.robot.single:
+            raise SimError(f"{scenario.setup.robot.model} has no board to serve: use impid-sim study")
         truth = trial_truth(scenario, trial, options.seed)
         self._world = World(truth)
         positions = options.tumble_positions

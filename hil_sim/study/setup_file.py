@@ -10,7 +10,10 @@ from hil_sim.scenarios.schema import Scenario, Trial
 
 def write_setup(scenario: Scenario, path: Path) -> None:
     """Writes the scenario's [setup] as the setup.toml of a study."""
-    content: dict[str, Any] = {"format": "impid-study/1", **scenario.setup.model_dump()}
+    known = scenario.setup.model_dump(exclude_none=True)
+    if scenario.setup.robot.single:
+        known = {"robot": {"model": scenario.setup.robot.model}}
+    content: dict[str, Any] = {"format": "impid-study/1", **known}
     path.write_text(tomli_w.dumps(_lists(content)), encoding="utf-8")
 
 

@@ -48,15 +48,20 @@ class _CsvFile:
 class RobotCsv(_CsvFile):
     """robot.csv: what the robot's controller logs."""
 
-    def __init__(self, path: Path, *, with_force: bool, with_command: bool = False) -> None:
+    def __init__(
+        self, path: Path, *, with_force: bool, with_command: bool = False, single: bool = False
+    ) -> None:
+        """single: one axis alone."""
+        self._joints = 1 if single else 2
+        joints = [f"{name}{joint + 1}" for name in ("theta", "tau") for joint in range(self._joints)]
         force = ["fx", "fy"] if with_force else []
         command = ["fdx", "fdy"] if with_command else []
-        super().__init__(path, ["t", "theta1", "theta2", "tau1", "tau2", *force, *command])
+        super().__init__(path, ["t", *joints, *force, *command])
 
     def add(self, rows: LogRows) -> None:
         """Appends rows; digits beyond what any sensor resolves are left out."""
         theta, tau = np.round(rows.theta_rad, 9), np.round(rows.tau_Nm, 7)
-        arrays = [rows.t_s, theta[:, 0], theta[:, 1], tau[:, 0], tau[:, 1]]
+        arrays = [rows.t_s, *theta.T[: self._joints], *tau.T[: self._joints]]
         if rows.force_N is not None:
             force = np.round(rows.force_N, 5)
             arrays += [force[:, 0], force[:, 1]]

@@ -72,6 +72,8 @@ def write_one_trial(
     """
     write_trial(trial, folder / "trial.toml")
     world = World(trial_truth(scenario, trial, seed))
+    if scenario.setup.robot.single:
+        return start_us, _write_axis(world, start_us, folder / "robot.csv")
     board = make(BoardConfig(start_us=start_us, serial_bytes_per_ms=scenario.world.serial.bytes_per_ms))
     begin_us = board.next_tick_us + LEAD_US
     world.begin(begin_us)
@@ -88,6 +90,19 @@ def write_one_trial(
                 robot_csv.add(rows)
     board.close()
     return begin_us, board.next_tick_us
+
+
+def _write_axis(world: World, start_us: int, path: Path) -> int:
+    """A single axis is logged by its drive alone; the end by the clock that a board would have."""
+    now_us = start_us
+    world.begin(start_us)
+    with RobotCsv(path, with_force=False, single=True) as robot_csv:
+        while not world.log_complete:
+            world.read(now_us + TICK_US, BLOCK_TICKS)
+            now_us += TICK_US * BLOCK_TICKS
+            for rows in world.take_log():
+                robot_csv.add(rows)
+    return now_us
 
 
 def stream(world: World, board: Board) -> Iterator[Samples]:

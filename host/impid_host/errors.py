@@ -3,6 +3,7 @@
 Anything else that escapes a command is a defect in impid itself.
 """
 
+from collections.abc import Mapping
 from pathlib import Path
 
 
@@ -18,11 +19,24 @@ class InputError(ImpidError):
         what: what is wrong, in plain words.
         remedy: what the user can do about it.
         row: 1-based line of the file, header included, where that is known.
+        check: the name under which `impid-host check` lists such a mistake ("time.jump"), where it has one.
+        evidence: the numbers behind it, by name.
     """
 
-    def __init__(self, path: Path | str, what: str, remedy: str, *, row: int | None = None) -> None:
+    def __init__(
+        self,
+        path: Path | str,
+        what: str,
+        remedy: str,
+        *,
+        row: int | None = None,
+        check: str | None = None,
+        evidence: Mapping[str, float] | None = None,
+    ) -> None:
         self.path = Path(path)
         self.row = row
+        self.check = check
+        self.evidence = dict(evidence or {})
         self.what = what
         self.remedy = remedy
         place = f"{path}" if row is None else f"{path}, row {row}"

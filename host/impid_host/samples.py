@@ -1,6 +1,11 @@
-"""What the sensor module measured: one row per sample, raw, on the module's own clock."""
+"""What the sensor module measured: one row per sample, raw, on the module's own clock.
 
-from dataclasses import dataclass
+`DeviceSamples` is what our board sends. `ForeignSamples` is what another module (an inertial unit, a
+data-acquisition card) gave: accelerations in m/s^2 in place of codes, angles or nothing in place of counts.
+"""
+
+from dataclasses import dataclass, fields, replace
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,3 +40,42 @@ class DeviceSamples:
 
     def __len__(self) -> int:
         return len(self.t_us)
+
+
+@dataclass(frozen=True, slots=True)
+class ForeignSamples:
+    """Samples of a module that is not ours; every array has N rows.
+
+    Either `codes` or `acceleration` is there; of `counts` and `theta` one or none. Without either the module
+    shares the robot's clock.
+
+    Attributes:
+        t_us: instant of the sample on the module's clock, microseconds, shape (N,).
+        seq: sample number, shape (N,).
+        flags: as in `DeviceSamples`, shape (N,).
+        acceleration: specific force along the sensor's axes, m/s^2, shape (N, 2), or None.
+        codes: converter codes of the two axes, shape (N, 2), or None.
+        theta: joint angles, rad (m), shape (N, n), or None.
+        counts: encoder counters, shape (N, 2), or None.
+    """
+
+    t_us: NDArray[np.uint64]
+    seq: NDArray[np.uint32]
+    flags: NDArray[np.uint8]
+    acceleration: NDArray[np.float64] | None = None
+    codes: NDArray[np.uint16] | None = None
+    theta: NDArray[np.float64] | None = None
+    counts: NDArray[np.int32] | None = None
+
+    def __len__(self) -> int:
+        return len(self.t_us)
+
+
+ModuleSamples = DeviceSamples | ForeignSamples
+Samples = TypeVar("Samples", bound=DeviceSamples | ForeignSamples)
+
+
+def rows_of(samples: Samples, rows: slice | NDArray[np.bool_]) -> Samples:
+    """Some of the rows of either kind."""
+    columns = {f.name: getattr(samples, f.name) for f in fields(samples)}
+    return replace(samples, **{name: column[rows] for name, column in columns.items() if column is not None})

@@ -6,30 +6,50 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 from diagnosis_campaign.accuracy import bias, parameters
-from diagnosis_campaign.cases import CLEAN_NOISES, KNOWN, OUTSIDE, SAME_THING, STRENGTHS, Sizes, plan
+from diagnosis_campaign.answer import acts_in, values
+from diagnosis_campaign.cases import (
+    CLEAN_NOISES,
+    KNOWN,
+    OUTSIDE,
+    SAME_THING,
+    SOMETIMES,
+    STRENGTHS,
+    Sizes,
+    plan,
+)
 from diagnosis_campaign.page import page
-from diagnosis_campaign.tally import rate, summary, wilson
+from diagnosis_campaign.situations import SITUATIONS
+from diagnosis_campaign.tally import rate, reliability, summary, wilson
 from diagnosis_campaign.verdict import judged
 from diagnosis_validation import main, read
-from impid_host.diagnosis.result import Finding, Number, Stage
 from scipy.stats import binomtest
 
 from hil_sim.effects import catalogue
 from hil_sim.effects.entry import Entry
 from hil_sim.scenarios.random import SMALL, random_scenario
+from hil_sim.scenarios.random_effects import drawn
+from hil_sim.trials import without_effects
+
+LABORATORY = random_scenario(7, SMALL, (), 1.0)[0]
+TRIAL = without_effects(LABORATORY, LABORATORY.trials[0], 7)
 
 
 def number(value, half):
     value, half = np.asarray(value, dtype=float), np.asarray(half, dtype=float)
-    return Number(value, np.stack([value - half, value + half], axis=-1), "SI")
+    ci95 = np.stack([value - half, value + half], axis=-1)
+    return {"value": value.tolist(), "ci95": ci95.tolist(), "unit": "SI"}
 
 
 def finding(effect, where, **numbers):
-    return Finding(effect, where, (), numbers, 0.5, 1e-9, None)
+    return {"effect": effect, "where": list(where) if len(where) > 1 else where[0], "parameters": numbers}
 
 
-def stage(added=None, alpha=None, loads=None):
-    return Stage(added, {}, {}, alpha or number(np.zeros(5), np.ones(5)), (), loads or {})
+def stage(alpha=None, loads=None):
+    return {"parameters": {"alpha": alpha or number(np.zeros(5), np.ones(5)), "loads": loads or {}}}
+
+
+def compared(said, hidden):
+    return parameters(said, hidden, TRIAL)
 
 
 def said(hidden, *found, ties=(), structure=False):
@@ -60,7 +80,7 @@ def test_the_sizes_are_those_asked_for():
     together = [len(case.effects) for case in cases if case.part == "together"]
     assert (together.count(2), together.count(3)) == (36, 18)
     noises = [case.noise for case in cases if case.part == "clean"]
-    assert {noise: noises.count(noise) for noise in CLEAN_NOISES} == dict.fromkeys(CLEAN_NOISES, 26)
+    assert {noise: noises.count(noise) for noise in CLEAN_NOISES} == dict.fromkeys(CLEAN_NOISES, 25)
     outside = [case.effects[0].partition("@")[0] for case in cases if case.part == "outside"]
     assert {name: outside.count(name) for name in OUTSIDE} == dict.fromkeys(OUTSIDE, 5)
 
@@ -94,10 +114,46 @@ def test_places_are_those_of_the_catalogue():
     seen = set()
     for case in plan(1000, Sizes()):
         for label in case.effects:
-            name, _, places = label.partition("@")
+            name, _, rest = label.partition(",")[0].partition("@")
+            places = rest.partition(":")[0]
             assert set(places.split("+")) <= set(catalogue.ROWS[name].places)
             seen.add(label)
     assert {"friction.coulomb@joint1", "friction.coulomb@joint2", "accel.bias@x", "accel.bias@y"} <= seen
+
+
+def test_every_effect_is_met_in_free_trials_and_under_load_only():
+    cases = [case for case in plan(1000, Sizes(when=2)) if case.part == "when"]
+    kinds = {}
+    for case in cases:
+        name, _, rest = case.effects[0].partition("@")
+        kinds.setdefault(name, set()).add(rest.rpartition(":")[2])
+        assert case.force_sensor or rest.endswith(":free")
+    assert set(kinds) == set(SOMETIMES)
+    # A part of the robot's inertia in free trials only would be a payload of the others.
+    assert all(kind == {"free", "load"} for name, kind in kinds.items() if name != "inertia.extra")
+
+
+def test_what_errs_with_the_force_sensor_has_one_and_payloads_are_weighed_by_half():
+    cases = plan(1000, Sizes())
+    assert all(case.force_sensor for case in cases if any(one.startswith("force.") for one in case.effects))
+    weighed = [case.weighed for case in cases]
+    assert 0.4 < np.mean(weighed) < 0.6
+    assert {case.force_sensor for case in cases} == {True, False}
+
+
+@pytest.mark.parametrize("one", SITUATIONS, ids=lambda one: one.name)
+def test_every_case_made_by_hand_can_be_carried_out(one):
+    """Its labels are read and its sizes are those that they state."""
+    for label in one.effects:
+        laboratory, _ = random_scenario(3, SMALL, (), 1.0, force_sensor=one.force_sensor is not False)
+        entry, sized = drawn(label, laboratory, np.random.default_rng(1))
+        for pair in label.split(",")[1:]:
+            name, _, text = pair.partition("=")
+            assert entry.values[name] == float(text)
+        for trial in laboratory.trials:
+            if catalogue.applies(entry, trial.name, loaded=trial.load is not None, load=trial.load):
+                catalogue.apply(without_effects(laboratory, trial, 3), (entry,))
+        assert sized or one.strength > 0.0
 
 
 # Verdicts
@@ -241,7 +297,7 @@ def test_a_drift_found_with_more_degrees_is_compared_degree_by_degree():
         seconds=number(0.006, 1e-4),
         legendre=number([0.0041, 0.0002], [2e-4, 1e-4]),
     )
-    row = parameters(said, hidden)
+    row = compared(said, hidden)
     assert "seconds" not in row
     assert row["legendre"]["relative"] == pytest.approx(np.hypot(1e-4, 2e-4) / 0.004)
     assert (row["legendre"]["covered"], row["legendre"]["of"]) == (1, 2)
@@ -250,7 +306,7 @@ def test_a_drift_found_with_more_degrees_is_compared_degree_by_degree():
 def test_own_parameters_are_compared_place_by_place():
     hidden = Entry("friction.coulomb", ("joint1", "joint2"), (), {"torque": [0.1, 0.2]})
     said = finding("friction.coulomb", ("joint2", "joint1"), torque=number([0.19, 0.1], [0.02, 0.001]))
-    row = parameters(said, hidden)["torque"]
+    row = compared(said, hidden)["torque"]
     assert row["truth"] == [0.2, 0.1]
     assert row["relative"] == pytest.approx(0.01 / np.hypot(0.1, 0.2))
     assert (row["covered"], row["of"]) == (2, 2)
@@ -259,24 +315,24 @@ def test_own_parameters_are_compared_place_by_place():
 def test_own_parameters_of_one_place_of_two():
     hidden = Entry("friction.quadratic", ("joint2",), (), {"coefficient": 0.2})
     one = finding("friction.quadratic", ("joint2",), coefficient=number(0.22, 0.01))
-    assert parameters(one, hidden)["coefficient"]["relative"] == pytest.approx(0.1)
-    assert parameters(one, hidden)["coefficient"]["covered"] == 0
+    assert compared(one, hidden)["coefficient"]["relative"] == pytest.approx(0.1)
+    assert compared(one, hidden)["coefficient"]["covered"] == 0
     both = finding("friction.quadratic", ("joint1", "joint2"), coefficient=number([0.5, 0.2], [0.1, 0.1]))
-    assert parameters(both, hidden)["coefficient"]["relative"] == pytest.approx(0.0)
+    assert compared(both, hidden)["coefficient"]["relative"] == pytest.approx(0.0)
     elsewhere = finding("friction.quadratic", ("joint1",), coefficient=number(0.2, 0.1))
-    assert parameters(elsewhere, hidden) == {}
+    assert compared(elsewhere, hidden) == {}
 
 
 def test_a_gain_errs_against_its_distance_from_one():
     hidden = Entry("accel.scale", ("x",), (), {"gain": 1.02})
     said = finding("accel.scale", ("x",), gain=number(1.021, 0.002))
-    assert parameters(said, hidden)["gain"]["relative"] == pytest.approx(0.05)
+    assert compared(said, hidden)["gain"]["relative"] == pytest.approx(0.05)
 
 
 def test_phases_go_round():
     hidden = Entry("encoder.eccentricity", ("joint1",), (), {"amplitude_rad": 0.01, "phase_rad": 6.2})
     said = finding("encoder.eccentricity", ("joint1",), phase_rad=number(6.2 - 2 * np.pi + 0.05, 0.06))
-    row = parameters(said, hidden)["phase_rad"]
+    row = compared(said, hidden)["phase_rad"]
     assert row["relative"] is None
     assert row["covered"] == 1
 
@@ -289,7 +345,7 @@ def test_a_compliance_is_known_by_its_ratio():
         {"stiffness": 20.0, "motor_inertia": 0.01, "damping_ratio": 0.05},
     )
     said = finding("elastic.transmission", ("joint1",), inertia_over_stiffness=number(5.5e-4, 1e-5))
-    assert parameters(said, hidden)["inertia_over_stiffness"]["relative"] == pytest.approx(0.1)
+    assert compared(said, hidden)["inertia_over_stiffness"]["relative"] == pytest.approx(0.1)
 
 
 def test_a_skew_matrix_is_compared_whole():
@@ -297,9 +353,78 @@ def test_a_skew_matrix_is_compared_whole():
     said = finding(
         "load.coupling", ("load",), K=number([[0.0, -19.0], [19.0, 0.0]], [[0.0, 2.0], [2.0, 0.0]])
     )
-    row = parameters(said, hidden)["K"]
+    row = compared(said, hidden)["K"]
     assert row["relative"] == pytest.approx(0.05)
     assert (row["covered"], row["of"]) == (4, 4)
+
+
+def test_a_length_errs_against_its_distance_from_the_declared_one():
+    hidden = Entry("geometry.link_length", ("joint2",), (), {"length_m": 0.2717})
+    said = finding("geometry.link_length", ("joint2",), length_m=number(0.2712, 0.0004))
+    assert compared(said, hidden)["length_m"]["relative"] == pytest.approx(0.0005 / 0.005)
+
+
+def test_what_differs_from_trial_to_trial_is_compared_trial_by_trial():
+    hidden = Entry(
+        "load.drift",
+        ("load",),
+        (),
+        {"rate": [9.0, 9.0]},
+        per_trial={"a_01": {"rate": [1.0, 0.0]}, "a_02": {"rate": [0.0, 1.0]}},
+    )
+    by_trial = {
+        "rate": {
+            "value": {"a_01": [1.1, 0.0], "a_02": [0.0, 1.0]},
+            "ci95": {"a_01": [[1.0, 1.2], [-0.1, 0.1]], "a_02": [[-0.1, 0.1], [0.9, 1.1]]},
+        }
+    }
+    said = {"effect": "load.drift", "where": "load", "parameters": by_trial}
+    rows = compared(said, hidden)
+    assert rows["rate@a_01"]["relative"] == pytest.approx(0.1)
+    assert rows["rate@a_02"]["relative"] == pytest.approx(0.0)
+    # One direction for both trials is no answer to that.
+    assert compared(finding("load.drift", ("load",), rate=number([1.0, 0.0], [0.1, 0.1])), hidden) == {}
+
+
+# What an answer says
+
+
+TRIALS = {"free_01": None, "spring_L1_01": "spring_L1", "spring_L1_02": "spring_L1"}
+
+
+@pytest.mark.parametrize(
+    ("when", "trials"),
+    [
+        ("all", {"free_01", "spring_L1_01", "spring_L1_02"}),
+        ("free", {"free_01"}),
+        ("load", {"spring_L1_01", "spring_L1_02"}),
+        (["spring_L1"], {"spring_L1_01", "spring_L1_02"}),
+        (["spring_L1_02"], {"spring_L1_02"}),
+    ],
+)
+def test_when_an_effect_is_said_to_act(when, trials):
+    assert acts_in({"when": when}, TRIALS) == trials
+
+
+def test_an_answer_without_when_says_all_trials():
+    assert acts_in({}, TRIALS) == set(TRIALS)
+
+
+def test_a_parameter_without_an_interval_is_known_to_nobody():
+    ((name, trial, found),) = values({"ppm": {"value": 3.0, "ci95": None}})
+    assert (name, trial, float(found.value)) == ("ppm", None, 3.0)
+    assert np.isinf(found.ci95).all()
+
+
+def test_confidence_is_held_against_how_often_names_are_right():
+    lines = [
+        {"effects": ["a.b@x"], "found": ["a.b@x"], "confidence": [0.95]},
+        {"effects": ["a.b@x"], "found": ["a.c@x"], "confidence": [0.92]},
+        {"effects": ["a.b@x"], "found": ["a.b@x"], "confidence": [None]},
+    ]
+    row = reliability(lines)["0.9 to 1"]
+    assert (row["count"], row["of"]) == (1, 2)
+    assert row["mean"] == pytest.approx(0.935)
 
 
 # The file

@@ -52,11 +52,15 @@ static impid_port_health_t health(void *context) {
     return (impid_port_health_t){.bus_off = 3,
                                  .tx_errors = 17,
                                  .rx_errors = 19,
-                                 .supply_mV = 3300,
+                                 .supply_mV = ((fake_port_t *)context)->supply_mV,
                                  .worst_tick_us = 42,
                                  .sync_us = 7654321,
                                  .sync_count = 3,
-                                 .rejected = ((fake_port_t *)context)->rejected};
+                                 .rejected = ((fake_port_t *)context)->rejected,
+                                 .line_errors = 21,
+                                 .can_overruns = 22,
+                                 .adc_overruns = 23,
+                                 .dma_errors = 24};
 }
 
 static void request_reset(void *context) {
@@ -65,6 +69,7 @@ static void request_reset(void *context) {
 
 void fake_port_init(fake_port_t *fake) {
     memset(fake, 0, sizeof *fake);
+    fake->supply_mV = 3300;
     impid_frame_parser_init(&fake->parser);
     fake->port =
         (impid_port_t){fake, now_us, serial_send, can_send, backlog_us, self_test_pin, health, request_reset};

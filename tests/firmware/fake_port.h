@@ -15,6 +15,7 @@ typedef struct {
     bool pin;
     bool reset_requested;
     uint32_t rejected; /* commands that the port had no room for */
+    uint16_t supply_mV;
     /* Serial frames as the parser reads them back. */
     impid_frame_parser_t parser;
     struct impid_messages_batch_t headers[FAKE_FRAMES];

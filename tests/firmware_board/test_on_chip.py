@@ -15,7 +15,7 @@ from hil_sim.board import layout
 from hil_sim.board.elf.board import ElfBoard
 
 ROOT = Path(__file__).resolve().parents[2]
-ELF = ROOT / ".pio" / "build" / "nucleo_f446re" / "program.elf"
+ELF = ROOT / ".pio" / "build" / "nucleo_f446re" / "firmware.elf"
 STALLED, SYNC_EDGE = 0x08, 0x02
 
 
@@ -267,3 +267,100 @@ def test_the_stack_ever_used_is_within_the_computed_worst_case(budget: ModuleTyp
     computed = sum(need for _, need, _ in budget.stack_rows(ELF))
     assert untouched > 0
     assert 500 < used <= computed, f"{used} bytes used, {computed} computed"
+
+
+def test_a_damaged_burst_on_the_serial_line_is_counted_once() -> None:
+    bench = Bench()
+    assert bench.status().line_errors == 0
+    bench.board.soc.usart2.damaged_bytes = 3
+    bench.board.serial_receive(encode_command(7, code("opcode", "START"), 0, 0), bench.board.now_us + 50)
+    bench.run(10)
+    after = bench.status()
+    assert (after.line_errors, after.rejected) == (1, 1)
+    assert bench.value("INFO", "PROTOCOL_VERSION") == 1, "the next burst is whole"
+    assert bench.status().line_errors == 1
+
+
+def test_commands_that_the_can_controller_lost_are_counted() -> None:
+    """Its FIFO holds three (RM0390 30.7.4): with the interrupt held off, the fourth and fifth are lost."""
+    bench = Bench()
+    bench.board.soc.interrupts_held = True
+    for _ in range(5):
+        bench.send_on_can("STOP")
+    bench.run(1)
+    bench.board.soc.interrupts_held = False
+    bench.board.soc.interrupts_changed()
+    status = bench.status()
+    assert status.can_overruns == 1, "one flag for both"
+    assert status.accepted == 3
+
+
+def test_a_bus_off_is_counted_once() -> None:
+    """Thirty-two transmissions in a row that fail take the controller off the bus (ISO 11898-1)."""
+    bench = Bench()
+    bench.board.soc.can1.damaged_transmissions = 32
+    bench.run(200)  # STATUS at 100 ms has something to transmit
+    assert bench.status().bus_off == 1
+
+
+@pytest.mark.parametrize(("kind", "fault"), [("adc_overruns", 3), ("dma_errors", 4)])
+def test_conversions_that_nobody_fetches_are_a_fault_with_a_count_that_outlives_the_reset(
+    kind: str, fault: int
+) -> None:
+    """A stream whose memory address is no memory stops with an error (RM0390 9.3.18); one switched off leaves
+    results where they are, and the second is an overrun (13.8.2)."""
+    bench = Bench()
+    stream = bench.board.soc.dmas["DMA2"].streams[0]
+    if kind == "dma_errors":
+        stream.value["M0AR"] = 0x30000000
+    else:
+        stream.value["CR"] &= ~1
+    bench.run(3)
+    bench.reboot()
+    assert bench.value("INFO", "RESET_CAUSE") == code("reset_cause", "FAULT", "STATUS_HEALTH")
+    assert bench.value("LOG", "FAULT_KIND") == fault
+    counted = {"adc_overruns": 0, "dma_errors": 0} | {kind: 1}
+    status = bench.status()
+    assert {name: getattr(status, name) for name in counted} == counted
+    bench.reset()
+    assert getattr(bench.status(), kind) == 1
+
+
+def test_the_supply_is_followed_while_samples_are_taken() -> None:
+    bench = Bench()
+    assert bench.status().supply_mV == pytest.approx(3300, abs=2)
+    bench.value("START")
+    bench.board.supply_mV = 3150
+    bench.run(2100)  # eight readings, 128 ms apart, that all belong to the new supply
+    status = bench.status()
+    # One code of 1574 is 2 mV.
+    assert status.supply_mV == pytest.approx(3150, abs=2)
+    assert (status.late, status.overruns, status.ring_lost) == (0, 0, 0)
+    assert bench.value("INFO", "VREF_MV") == status.supply_mV
+
+
+def pulls(bench: Bench) -> dict[str, int]:
+    """GPIOx_PUPDR of the inputs from outside (RM0390 7.4.4): 0 none, 1 up, 2 down."""
+    places = {
+        "encoder 1": ["A15", "B3"], "encoder 2": ["A0", "A1"], "faults": ["B10", "A8"], "sync": ["B6"],
+    }  # fmt: skip
+    gpio = bench.board.soc.gpio
+    found = {
+        name: {gpio[pin[0]].value["PUPDR"] >> 2 * int(pin[1:]) & 3 for pin in pins}
+        for name, pins in places.items()
+    }
+    assert all(len(values) == 1 for values in found.values()), found
+    return {name: values.pop() for name, values in found.items()}
+
+
+def test_an_input_has_its_pull_only_if_its_setting_says_so() -> None:
+    bench = Bench()
+    assert pulls(bench) == {"encoder 1": 0, "encoder 2": 0, "faults": 1, "sync": 2}
+    for item in ("ENCODER_1_PULL", "ENCODER_2_PULL"):
+        bench.value("SET", item, 1)
+    for item in ("FAULT_1_PULL", "FAULT_2_PULL", "SYNC_PULL"):
+        bench.value("SET", item, 0)
+    assert bench.ask("SET", "SYNC_PULL", 2).result == code("result", "BAD_VALUE", "RESPONSE")
+    bench.value("SAVE")
+    bench.reset()
+    assert pulls(bench) == {"encoder 1": 1, "encoder 2": 1, "faults": 0, "sync": 0}

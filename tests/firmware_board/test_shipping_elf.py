@@ -35,7 +35,7 @@ class Elf:
     """What the tests ask of an ELF."""
 
     def __init__(self, board: str) -> None:
-        with (ROOT / ".pio" / "build" / board / "program.elf").open("rb") as file:
+        with (ROOT / ".pio" / "build" / board / "firmware.elf").open("rb") as file:
             elf = ELFFile(file)
             table = elf.get_section_by_name(".symtab")
             assert isinstance(table, SymbolTableSection)

@@ -249,7 +249,6 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
     FUZZ_CHECK(impid_settings_prepare(&settings));
     const uint8_t has = (uint8_t)fuzz_take(&input, 1);
     const impid_core_config_t config = {.boot_id = BOOT_ID,
-                                        .vref_mV = 3300,
                                         .first_index = fuzz_take(&input, 4),
                                         .settings = (has & 1u) != 0u ? &settings : NULL,
                                         .log = (has & 2u) != 0u ? log_words : NULL,

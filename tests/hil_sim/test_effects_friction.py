@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hil_sim.effects.physics import DRY_RIPPLE, VISCOUS_RIPPLE, Friction, PlantEffects, Term
+from hil_sim.plant.physics import DRY_RIPPLE, VISCOUS_RIPPLE, Friction, PlantEffects, Slip, Term
 from hil_sim.plant.plant import Plant
 
 INERTIA = 0.06
@@ -113,3 +113,68 @@ def test_friction_never_drives(parameters):
         w, _ = spun(parameters, friction, 0.3, speed)
         sliding = abs(w) > 0.02
         assert np.all(np.diff(abs(w))[sliding[1:]] < 0.0)
+
+
+def pushed(parameters, friction, way):
+    """Torque that resists joint 1 as it is led along `way` (rad, one row per tick), by I w' = tau - T.
+
+    A stiff drive leads it slowly, so that what the drive exerts beyond the inertia is what resists.
+    """
+    alpha = (INERTIA, 0.0, INERTIA, 0.0, 0.0)
+    effects = PlantEffects(friction=(friction, Friction()))
+    p = replace(parameters, alpha=alpha, effects=effects, kp=(400.0, 400.0), kd=(4.0, 4.0))
+    plant = Plant(p, START)
+    speed = np.gradient(way, 1e-3)
+    still = np.full(way.size, START[1])
+    motion = plant.run(np.stack([START[0] + way, still, speed, np.zeros(way.size)], axis=1))
+    w = np.concatenate([[0.0], motion.w[7::8, 0]])
+    q = np.concatenate([[START[0]], motion.q[7::8, 0]])
+    resists = motion.torque[:, 0] - INERTIA * np.diff(w) / 1e-3
+    return 0.5 * (q[1:] + q[:-1]) - START[0], resists
+
+
+def there_and_back(size):
+    t = np.arange(4000) * 1e-3
+    return size * np.sin(0.5 * np.pi * t) ** 2
+
+
+def test_dahls_spring_bends_by_its_exponential(parameters):
+    """T = T0 (1 - exp(-q / width)) on the way there; back it begins at -slope T0 / width towards -T0."""
+    width = 0.02
+    q, torque = pushed(parameters, Friction(spring_level=0.3, spring_width=width), there_and_back(0.1))
+    there = slice(100, 950)
+    assert torque[there] == pytest.approx(0.3 * -np.expm1(-q[there] / width), abs=5e-3)
+    top, back = q[:1500].max(), slice(1100, 1900)
+    z = 1.0 - np.exp(-top / width)
+    assert torque[back] == pytest.approx(0.3 * ((z + 1.0) * np.exp((q[back] - top) / width) - 1.0), abs=5e-3)
+
+
+def test_maxwells_springs_follow_masings_rule(parameters):
+    """The way back is the first loading curve, twice as large and turned round."""
+    slip = Slip.evenly(0.4, 0.02)
+    q, torque = pushed(parameters, Friction(slip=slip), there_and_back(0.06))
+
+    def first(x):
+        return sum(
+            level * np.minimum(x / limit, 1.0) for level, limit in zip(slip.level, slip.limit, strict=True)
+        )
+
+    there = slice(100, 950)
+    assert torque[there] == pytest.approx(first(q[there]), abs=5e-3)
+    top, back = q[:1500].max(), slice(1100, 1900)
+    assert torque[back] == pytest.approx(first(top) - 2.0 * first(0.5 * (top - q[back])), abs=5e-3)
+    assert sum(slip.level) == pytest.approx(0.4)
+    assert np.mean(slip.limit) == pytest.approx(0.02)
+
+
+def test_load_dependent_friction_takes_its_share_of_the_torque(parameters):
+    """Under a torque T the joint gains (1 - c) T / I; without it nothing rubs."""
+    effects = PlantEffects(friction=(Friction(per_torque=0.2), Friction()))
+    alpha = (INERTIA, 0.0, INERTIA, 0.0, 0.0)
+    plant = Plant(replace(parameters, alpha=alpha, effects=effects), START)
+    pull = np.zeros((1000, 6))
+    pull[:, 0] = 0.5
+    gained = plant.run(np.zeros((1000, 4)), pull)
+    assert gained.w[-1, 0] == pytest.approx(0.8 * 0.5 / INERTIA, rel=2e-3)
+    coasting = plant.run(np.zeros((1000, 4)))
+    assert coasting.w[-1, 0] == pytest.approx(gained.w[-1, 0], rel=1e-9)

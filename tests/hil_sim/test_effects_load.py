@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hil_sim.effects.physics import LoadExtras, PlantEffects
 from hil_sim.plant.kinematics import joint_angles, position
+from hil_sim.plant.physics import JUMP, RAMP, SINE, LoadExtras, PlantEffects
 from hil_sim.plant.plant import Load, Plant
 
 X0 = np.array([0.36, 0.01])
@@ -119,3 +119,29 @@ def test_a_hardening_spring_keeps_the_energy(frictionless):
         largest = max(largest, cubic(motion.q[-1]))
         assert plant.energy() + cubic(motion.q[-1]) == pytest.approx(before, rel=1e-6)
     assert largest > 0.03 * before
+
+
+@pytest.mark.parametrize(
+    ("course", "law"),
+    [
+        (RAMP, lambda t: (t - 1.0) / 2.0),
+        (JUMP, lambda t: np.where(t < 1.0, -0.5, 0.5)),
+        (SINE, lambda t: np.sin(2.0 * np.pi * (t - 1.0) / 0.7 + 0.4)),
+    ],
+)
+def test_a_load_that_changes_has_at_each_instant_the_force_of_its_matrices(parameters, course, law):
+    more = {"M": np.diag([0.2, 0.1]), "B": np.array([[3.0, 1.0], [1.0, 2.0]]), "K": np.diag([90.0, -40.0])}
+    extras = LoadExtras(
+        course=course,
+        course_from=1.0,
+        course_span=0.7 if course == SINE else 2.0,
+        course_phase=0.4,
+        **{f"more_{name}": tuple(matrix.ravel()) for name, matrix in more.items()},
+    )
+    motion, x, extra = led(parameters, SPRING, extras)
+    t = (np.arange(len(extra)) + 0.5) * 125e-6
+    v = np.diff(x, axis=0) / 125e-6
+    now = motion.acceleration @ more["M"].T + v @ more["B"].T + middles(x) @ more["K"].T
+    still = abs(t - 1.0) > 2e-4  # the jump itself
+    assert extra[still] == pytest.approx((-law(t)[:, None] * now)[still], abs=3e-3)
+    assert abs(extra).max() > 0.5

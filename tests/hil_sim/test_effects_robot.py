@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from hil_sim.effects import catalogue
-from hil_sim.effects.physics import BUMP, RIPPLE, SPRING, Coupled, PlantEffects, Term
 from hil_sim.plant.kinematics import position
+from hil_sim.plant.physics import BUMP, RIPPLE, SPRING, Coupled, PlantEffects, Term
 from hil_sim.plant.plant import Load, Plant
 from hil_sim.scenarios.load import load, trial
 from hil_sim.trials import without_effects

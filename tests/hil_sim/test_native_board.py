@@ -13,7 +13,7 @@ from hil_sim.board.native import TICK_US, BoardConfig, NativeBoard, new_flash
 from hil_sim.board.wire import FrameReader, command
 
 ACCEL, ENCODER, TIME, EPOCH = 0x110, 0x111, 0x118, 0x119
-STATUS = range(0x120, 0x127)
+STATUS = range(0x120, 0x128)
 
 
 def run(board, ticks, first=0):

@@ -81,7 +81,10 @@ def _hide(**effect):
             {"effect": "friction.coulomb", "where": "tip", "torque": 0.1},
             r"cannot be at tip; where may be joint1",
         ),
-        ({"effect": "friction.coulomb", "torque": 0.1, "trials": ["free_09"]}, r"free_09: there is none"),
+        (
+            {"effect": "friction.coulomb", "torque": 0.1, "trials": ["free_09"]},
+            r"free_09: there is no such trial",
+        ),
     ],
 )
 def test_a_mistaken_effect_is_one_line_that_names_the_file(scenario_file, effect, says):

@@ -169,7 +169,7 @@ def test_a_drives_noise_may_grow_with_the_speed():
 
 def test_force_sensor_gain_offset_and_steps():
     truth = ForceSensorTruth(noise=(), offset_N=(0.5, -0.5), gain_error=(0.02, 0.0), quantum_N=0.25)
-    read = ForceSensor(truth, 1000.0, np.random.default_rng(1)).read(np.array([[10.0, 10.0]]))
+    read = ForceSensor(truth, 1000.0, np.random.default_rng(1)).read(np.array([[10.0, 10.0]]), np.zeros(1))
     assert read[0] == pytest.approx([10.75, 9.5])
 
 

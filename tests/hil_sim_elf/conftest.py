@@ -26,7 +26,7 @@ def built(board: str) -> Path:
         )
     if done.returncode:
         pytest.fail(f"the firmware does not build:\n{done.stdout}{done.stderr}", pytrace=False)
-    return ROOT / ".pio" / "build" / board / "program.elf"
+    return ROOT / ".pio" / "build" / board / "firmware.elf"
 
 
 @pytest.fixture(scope="session")

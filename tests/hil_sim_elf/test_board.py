@@ -18,7 +18,16 @@ from hil_sim.board.protocol import Board
 from hil_sim.board.wire import FrameReader, accepts_start, command, samples
 from hil_sim.errors import SimError
 
-STATUS = ["SAMPLES", "LINK", "TIMING", "SENSORS", "COMMANDS", "HEALTH", "BUS"]  # in the order of identifiers
+STATUS = [
+    "SAMPLES",
+    "LINK",
+    "TIMING",
+    "SENSORS",
+    "COMMANDS",
+    "HEALTH",
+    "BUS",
+    "LOSSES",
+]  # in the order of identifiers
 
 
 def rest(board: Board, ticks: int) -> None:

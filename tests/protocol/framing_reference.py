@@ -15,7 +15,10 @@ DBC: cantools.database.can.Database = cantools.database.load_file(  # type: igno
 )
 RECORDS = {
     1: ["ACCEL", "ENCODER"],
-    2: [f"STATUS_{name}" for name in ("SAMPLES", "LINK", "TIMING", "SENSORS", "COMMANDS", "HEALTH", "BUS")],
+    2: [
+        f"STATUS_{name}"
+        for name in ("SAMPLES", "LINK", "TIMING", "SENSORS", "COMMANDS", "HEALTH", "BUS", "LOSSES")
+    ],
     3: ["RESPONSE"],
     4: ["PONG"],
     16: ["COMMAND"],

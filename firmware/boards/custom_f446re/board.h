@@ -1,6 +1,6 @@
 /* An STM32F446RE on a board of one's own: a crystal instead of the ST-LINK's clock, other pins for the
- * accelerometer, encoder 1, CAN and the LED. This file is all that such a board needs, and an environment in
- * platformio.ini that names its folder. */
+ * accelerometer, CAN and the LED. This file is all that such a board needs, and an
+ * environment in platformio.ini that names its folder. */
 #ifndef BOARD_H
 #define BOARD_H
 
@@ -15,10 +15,10 @@
 #define BOARD_ADC_Y_CHANNEL 13u
 #define BOARD_SELF_TEST     PIN(GPIOB, 5)
 
-#define BOARD_ENCODER_1_A     PIN(GPIOA, 5) /* TIM2_CH1 */
-#define BOARD_ENCODER_1_B     PIN(GPIOB, 3) /* TIM2_CH2 */
-#define BOARD_ENCODER_2_A     PIN(GPIOA, 0) /* TIM5_CH1 */
-#define BOARD_ENCODER_2_B     PIN(GPIOA, 1) /* TIM5_CH2 */
+#define BOARD_ENCODER_1_A     PIN(GPIOA, 15) /* TIM2_CH1; PA5 has it too, but is not 5 V tolerant */
+#define BOARD_ENCODER_1_B     PIN(GPIOB, 3)  /* TIM2_CH2 */
+#define BOARD_ENCODER_2_A     PIN(GPIOA, 0)  /* TIM5_CH1 */
+#define BOARD_ENCODER_2_B     PIN(GPIOA, 1)  /* TIM5_CH2 */
 #define BOARD_ENCODER_1_FAULT PIN(GPIOB, 10)
 #define BOARD_ENCODER_2_FAULT PIN(GPIOA, 8)
 
@@ -27,6 +27,6 @@
 #define BOARD_SERIAL_RX PIN(GPIOA, 3)
 #define BOARD_CAN_RX    PIN(GPIOA, 11) /* CAN1 */
 #define BOARD_CAN_TX    PIN(GPIOA, 12)
-#define BOARD_LED       PIN(GPIOC, 13)
+#define BOARD_LED       PIN(GPIOB, 12)
 
 #endif

@@ -204,7 +204,6 @@ impid_board *impid_board_new(const impid_board_config *config) {
                                        .reset_cause = config->reset_cause,
                                        .clock_source =
                                            IMPID_MESSAGES_STATUS_HEALTH_CLOCK_SOURCE_NATIVE_CHOICE,
-                                       .vref_mV = VREF_MV,
                                        .first_index = config->first_index,
                                        .boot_us = config->start_us,
                                        .settings = &board->settings,

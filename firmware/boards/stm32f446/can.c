@@ -14,6 +14,7 @@
 #define RECEIVE_FRAMES  8u  /* a power of two */
 #define MAILBOXES       3u
 #define INIT_ATTEMPTS   100000u
+#define RELEASE_READS   16u
 /* 15 quanta of 45 MHz / 3 / 15 = 1 Mbit/s; sample point (1 + 12) / 15 = 86.7 %. */
 #define QUANTA          15u
 #define BTR_SEGMENTS    (((12u - 1u) << 16) | ((2u - 1u) << 20))
@@ -31,9 +32,10 @@ static volatile uint32_t queued; /* main loop: frames ever queued */
 static volatile uint32_t loaded; /* interrupt, or main loop masked: frames ever put into a mailbox */
 
 static arrival_t arrivals[RECEIVE_FRAMES];
-static volatile uint32_t arrived; /* interrupt */
-static uint32_t taken;            /* main loop */
-static volatile uint32_t refused; /* interrupt: arrivals that found the queue full */
+static volatile uint32_t arrived;  /* interrupt */
+static uint32_t taken;             /* main loop */
+static volatile uint32_t refused;  /* interrupt: arrivals that found the queue full */
+static volatile uint16_t overruns; /* interrupt: times the controller's own FIFO overflowed */
 
 static uint32_t kilobits;
 static volatile uint16_t bus_off;
@@ -75,10 +77,23 @@ static uint8_t byte_of(uint32_t low, uint32_t high, uint32_t i) {
     return (uint8_t)((i < 4u ? low : high) >> (8u * (i % 4u)));
 }
 
+/* Hands the oldest message back. The controller does it in its own time and drops its line after that: to
+ * return before would take the same message twice. */
+static void release(void) {
+    CAN1->RF0R = CAN_RF0R_RFOM;
+    for (uint32_t i = 0; i < RELEASE_READS && (CAN1->RF0R & CAN_RF0R_RFOM) != 0u; i++) {
+    }
+}
+
 /* One message each time: while another one waits the interrupt comes again by itself. */
 void can1_rx0_handler(void) {
     uint32_t now_us = timebase_now_us();
-    if ((CAN1->RF0R & CAN_RF0R_FMP_Msk) == 0u) {
+    uint32_t state = CAN1->RF0R;
+    if ((state & CAN_RF0R_FOVR) != 0u) {
+        overruns++;
+        CAN1->RF0R = CAN_RF0R_FOVR; /* by writing 1 */
+    }
+    if ((state & CAN_RF0R_FMP_Msk) == 0u) {
         return;
     }
     can_rx_regs_t *fifo = &CAN1->RX[0];
@@ -96,7 +111,7 @@ void can1_rx0_handler(void) {
     } else {
         refused++; /* counted as rejected; its sender repeats it, unanswered */
     }
-    CAN1->RF0R = CAN_RF0R_RFOM;
+    release();
 }
 
 void can_poll(impid_core_t *core) {
@@ -167,12 +182,16 @@ void can1_sce_handler(void) {
         bus_off++;
     }
     CAN1->MSR = CAN_MSR_ERRI; /* by writing 1 */
+    /* Read back: the bus is slower than the processor, and an interrupt whose flag is still on its way to
+     * being cleared when the handler returns is entered again and counted twice. */
+    (void)CAN1->MSR;
 }
 
 void can_health(impid_port_health_t *health) {
     uint32_t errors = CAN1->ESR;
     health->bus_off = bus_off;
     health->rejected = refused;
+    health->can_overruns = overruns;
     health->tx_errors = (uint8_t)(errors >> CAN_ESR_TEC_Pos);
     health->rx_errors = (uint8_t)(errors >> CAN_ESR_REC_Pos);
 }

@@ -19,6 +19,8 @@ extern uint8_t linker_ram_end[];
 
 static struct {
     fault_log_t log;
+    uint32_t adc_overruns; /* since power-on, as log.count */
+    uint32_t dma_errors;
     uint32_t fresh; /* 1: written by the run that has just ended */
     uint32_t crc;
 } kept __attribute__((section(".noinit")));
@@ -77,6 +79,11 @@ const fault_log_t *fault_log(void) {
     return &kept.log;
 }
 
+void fault_health(impid_port_health_t *health) {
+    health->adc_overruns = (uint16_t)kept.adc_overruns;
+    health->dma_errors = (uint16_t)kept.dma_errors;
+}
+
 _Noreturn void fault_reset(void) {
     __asm volatile("dsb" ::: "memory");
     SCB->AIRCR = SCB_AIRCR_RESET;
@@ -97,6 +104,8 @@ static _Noreturn void record_and_reset(fault_kind_t kind, const stacked_t *at, u
         kept.log.lr = at->lr;
         kept.log.psr = at->psr;
     }
+    kept.adc_overruns += kind == FAULT_ADC_OVERRUN ? 1u : 0u;
+    kept.dma_errors += kind == FAULT_DMA ? 1u : 0u;
     seal(1u);
     fault_reset();
 }

@@ -7,6 +7,7 @@
 #ifndef FAULT_H
 #define FAULT_H
 
+#include "impid_port.h"
 #include "impid_trace.h"
 
 #include <stdint.h>
@@ -16,7 +17,7 @@ typedef enum {
     FAULT_PROCESSOR = 1,  /* hard, memory, bus or usage fault: see CFSR, HFSR */
     FAULT_CLOCK_LOST = 2, /* the external clock stopped */
     FAULT_ADC_OVERRUN = 3,
-    FAULT_DMA = 4,                  /* the sampling stream reported a transfer error */
+    FAULT_DMA = 4,                  /* a stream reported a transfer error, which stops it */
     FAULT_UNEXPECTED_INTERRUPT = 5, /* `address` holds the vector's number */
 } fault_kind_t;
 
@@ -39,6 +40,8 @@ uint8_t fault_reset_cause(void);
 /* Kept as the log is; to be given to the core after fault_reset_cause(), which has read it. */
 impid_trace_t *fault_trace(void);
 const fault_log_t *fault_log(void);
+/* Adds the counts that outlive a reset to the account. */
+void fault_health(impid_port_health_t *health);
 
 /* Records and resets; do not return. */
 _Noreturn void fault_stop(fault_kind_t kind);

@@ -20,7 +20,6 @@ enum { AF_TIM2 = 1, AF_TIM4 = 2, AF_TIM5 = 2 };
 
 static impid_core_t core;
 static impid_settings_t settings;
-static uint16_t supply_mV;
 static bool reset_requested;
 
 static uint32_t port_now_us(void *context) {
@@ -50,9 +49,11 @@ static void port_self_test_pin(void *context, bool drive) {
 
 static impid_port_health_t port_health(void *context) {
     (void)context;
-    impid_port_health_t health = {.supply_mV = supply_mV};
+    impid_port_health_t health = {0};
     sampling_health(&health);
+    serial_health(&health);
     can_health(&health);
+    fault_health(&health);
     return health;
 }
 
@@ -77,13 +78,25 @@ static void set_pins_up(void) {
     pin_analogue(BOARD_ACCEL_Y);
     pin_output(BOARD_SELF_TEST);
     pin_output(BOARD_LED);
-    pin_alternate(BOARD_ENCODER_1_A, AF_TIM2, PIN_PULL_UP);
-    pin_alternate(BOARD_ENCODER_1_B, AF_TIM2, PIN_PULL_UP);
-    pin_alternate(BOARD_ENCODER_2_A, AF_TIM5, PIN_PULL_UP);
-    pin_alternate(BOARD_ENCODER_2_B, AF_TIM5, PIN_PULL_UP);
-    pin_input(BOARD_ENCODER_1_FAULT, PIN_PULL_UP);
-    pin_input(BOARD_ENCODER_2_FAULT, PIN_PULL_UP);
-    pin_alternate(BOARD_SYNC, AF_TIM4, PIN_PULL_DOWN);
+}
+
+static pin_pull_t pull(impid_setting_t setting, pin_pull_t direction) {
+    return settings.values[setting] != 0u ? direction : PIN_PULL_NONE;
+}
+
+/* Above VDD + 0.3 V a pin stands only without its pull (STM32F446xC/xE data sheet, I/O static
+ * characteristics), so the inputs to which 5 V may come are as the settings say, and without any until those
+ * are read. */
+static void set_inputs_up(void) {
+    pin_pull_t encoder_1 = pull(IMPID_SETTING_ENCODER_1_PULL, PIN_PULL_UP);
+    pin_pull_t encoder_2 = pull(IMPID_SETTING_ENCODER_2_PULL, PIN_PULL_UP);
+    pin_alternate(BOARD_ENCODER_1_A, AF_TIM2, encoder_1);
+    pin_alternate(BOARD_ENCODER_1_B, AF_TIM2, encoder_1);
+    pin_alternate(BOARD_ENCODER_2_A, AF_TIM5, encoder_2);
+    pin_alternate(BOARD_ENCODER_2_B, AF_TIM5, encoder_2);
+    pin_input(BOARD_ENCODER_1_FAULT, pull(IMPID_SETTING_FAULT_1_PULL, PIN_PULL_UP));
+    pin_input(BOARD_ENCODER_2_FAULT, pull(IMPID_SETTING_FAULT_2_PULL, PIN_PULL_UP));
+    pin_alternate(BOARD_SYNC, AF_TIM4, pull(IMPID_SETTING_SYNC_PULL, PIN_PULL_DOWN));
 }
 
 /* Slow blink: waiting for a command; fast: streaming or self-testing. */
@@ -128,9 +141,10 @@ int main(void) {
     watchdog_start();
     bool external_clock = clock_start();
     set_pins_up();
-    supply_mV = sampling_supply_mV();
+    sampling_measure_supply();
 
     impid_settings_init(&settings, &flash_port);
+    set_inputs_up();
     (void)impid_settings_prepare(&settings);
     watchdog_refresh(); /* two erases may lie behind */
     uint32_t boot_count = impid_settings_count_boot(&settings);
@@ -141,7 +155,6 @@ int main(void) {
         .reset_cause = reset_cause,
         .clock_source = external_clock ? IMPID_MESSAGES_STATUS_HEALTH_CLOCK_SOURCE_HSE_CHOICE
                                        : IMPID_MESSAGES_STATUS_HEALTH_CLOCK_SOURCE_HSI_CHOICE,
-        .vref_mV = supply_mV,
         .settings = &settings,
         .log = (const uint32_t *)(const void *)fault_log(),
         .log_words = FAULT_LOG_WORDS,

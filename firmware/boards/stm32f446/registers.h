@@ -117,8 +117,9 @@ typedef struct {
 #define DMA_CR_CHANNEL(n)  ((uint32_t)(n) << 25)
 #define DMA_STREAM0_FLAGS  0x3Du /* in LISR, LIFCR */
 #define DMA_STREAM0_TEIF   (1u << 3)
-#define DMA_STREAM6_FLAGS  (0x3Du << 16) /* in HISR, HIFCR */
-#define DMA_STREAM6_TCIF   (1u << 21)
+#define DMA_STREAM6_FLAGS  (0x3Du << 16)            /* in HISR, HIFCR */
+#define DMA1_LOW_TEIFS     ((1u << 3) | (1u << 9))  /* streams 0 and 1, in LISR */
+#define DMA1_HIGH_TEIFS    ((1u << 9) | (1u << 19)) /* streams 5 and 6, in HISR */
 
 /* --- ADC (13) ------------------------------------------------------------------------------------ */
 typedef struct {
@@ -131,19 +132,22 @@ typedef struct {
 #define ADC2                 ((adc_regs_t *)0x40012100u)
 #define ADC_COMMON           ((adc_common_regs_t *)0x40012300u)
 #define ADC_SR_EOC           (1u << 1)
+#define ADC_SR_JEOC          (1u << 2)
 #define ADC_SR_OVR           (1u << 5)
 #define ADC_CR1_OVRIE        (1u << 26)
 #define ADC_CR2_ADON         (1u << 0)
+#define ADC_CR2_JSWSTART     (1u << 22)
 #define ADC_CR2_EXTSEL_TIM3  (8u << 24) /* TIM3_TRGO */
 #define ADC_CR2_EXTEN_RISING (1u << 28)
 #define ADC_CR2_SWSTART      (1u << 30)
 #define ADC_SMP_15_CYCLES    1u
 #define ADC_SMP_480_CYCLES   7u
-#define ADC_CCR_REGULAR_DUAL 6u /* MULTI: regular simultaneous mode */
+#define ADC_CCR_DUAL         1u /* MULTI: regular and injected simultaneous mode */
 #define ADC_CCR_DDS          (1u << 13)
 #define ADC_CCR_DMA_MODE_2   (2u << 14)
 #define ADC_CCR_PCLK2_BY_4   (1u << 16)
 #define ADC_CCR_TSVREFE      (1u << 23)
+#define ADC_JSQR_ONE(n)      ((uint32_t)(n) << 15) /* JL = 0: JSQ4 is the sequence */
 #define ADC_VREFINT_CHANNEL  17u
 
 /* --- Timers (17: TIM2 to TIM5; 18: TIM12) -------------------------------------------------------- */
@@ -188,6 +192,7 @@ typedef struct {
     reg_t SR, DR, BRR, CR1, CR2, CR3, GTPR;
 } usart_regs_t;
 #define USART2           ((usart_regs_t *)0x40004400u)
+#define USART_SR_ERRORS  0xEu /* FE, NF, ORE */
 #define USART_SR_IDLE    (1u << 4)
 #define USART_SR_TC      (1u << 6)
 #define USART_CR1_RE     (1u << 2)
@@ -224,6 +229,7 @@ typedef struct {
 #define CAN_TSR_TME(n)   (1u << (26u + (n)))
 #define CAN_TSR_TME_Msk  (7u << 26)
 #define CAN_RF0R_FMP_Msk 3u
+#define CAN_RF0R_FOVR    (1u << 4)
 #define CAN_RF0R_RFOM    (1u << 5)
 #define CAN_IER_TMEIE    (1u << 0)
 #define CAN_IER_FMPIE0   (1u << 1)

@@ -14,6 +14,9 @@
 /* An overdue half is overwritten from its first conversion on: 125 us after the next tick's instant, less
  * what the tick itself takes. */
 #define READABLE_US 50u
+/* The reference is read so often, and takes 22 us of the 125 us to the next trigger. */
+#define SUPPLY_TICKS    128u
+#define SUPPLY_START_US 60u
 
 /* Written by DMA. The word that both converters make of one trigger has x in its low half: x comes first. */
 static volatile uint16_t conversions[CONVERSIONS][2] __attribute__((aligned(4)));
@@ -27,10 +30,18 @@ static bool edge_pending;
 /* Written by the interrupt, read by the main loop; single words. */
 static volatile uint32_t ticks;
 static volatile uint16_t worst_us;
+static volatile uint16_t supply_mV;
 static volatile uint32_t sync_us;
 static volatile uint32_t sync_count;
 
 /* --- Supply -------------------------------------------------------------------------------------- */
+
+enum { CALIBRATED_AT_MV = 3300, READINGS = 8 };
+
+static void set_supply(uint32_t sum) {
+    uint32_t calibrated = *VREFINT_CAL;
+    supply_mV = sum == 0u ? 0u : (uint16_t)((CALIBRATED_AT_MV * READINGS * calibrated + sum / 2u) / sum);
+}
 
 static uint32_t convert_once(void) {
     ADC1->SR = 0u;
@@ -44,8 +55,7 @@ static uint32_t convert_once(void) {
     return 0u;
 }
 
-uint16_t sampling_supply_mV(void) {
-    enum { CALIBRATED_AT_MV = 3300, READINGS = 8 };
+void sampling_measure_supply(void) {
     clock_enable(&RCC->APB2ENR, RCC_APB2ENR_ADC1 | RCC_APB2ENR_ADC2);
     ADC_COMMON->CCR = ADC_CCR_PCLK2_BY_4 | ADC_CCR_TSVREFE;
     ADC1->SMPR1 = ADC_SMP_480_CYCLES << (3u * (ADC_VREFINT_CHANNEL - 10u));
@@ -58,8 +68,27 @@ uint16_t sampling_supply_mV(void) {
         sum += i < READINGS ? 0u : code;
     }
     ADC1->CR2 = 0u;
-    uint32_t calibrated = *VREFINT_CAL;
-    return sum == 0u ? 0u : (uint16_t)((CALIBRATED_AT_MV * READINGS * calibrated + sum / 2u) / sum);
+    set_supply(sum);
+}
+
+/* Interrupt, at the end of a tick: the reading begun at the one before, and the next begun. `since_us`: since
+ * the trigger that ended the tick; too late a start would delay the next trigger's conversion. */
+static void follow_supply(uint32_t since_us) {
+    static uint32_t sum;
+    static uint32_t readings;
+    if ((ADC1->SR & ADC_SR_JEOC) != 0u) {
+        ADC1->SR = ~ADC_SR_JEOC; /* cleared by writing 0, the others are left alone by writing 1 */
+        sum += ADC1->JDR[0];
+        readings++;
+    }
+    if (readings == READINGS) {
+        set_supply(sum);
+        sum = 0u;
+        readings = 0u;
+    }
+    if (ticks % SUPPLY_TICKS == 0u && since_us < SUPPLY_START_US) {
+        ADC1->CR2 |= ADC_CR2_JSWSTART;
+    }
 }
 
 /* --- Start --------------------------------------------------------------------------------------- */
@@ -89,14 +118,17 @@ static void start_encoder(tim_regs_t *timer, uint32_t trigger_input) {
 }
 
 static void start_converters(void) {
-    ADC1->SMPR1 = ADC_SMP_15_CYCLES << (3u * (BOARD_ADC_X_CHANNEL - 10u));
+    ADC1->SMPR1 = (ADC_SMP_15_CYCLES << (3u * (BOARD_ADC_X_CHANNEL - 10u))) |
+                  (ADC_SMP_480_CYCLES << (3u * (ADC_VREFINT_CHANNEL - 10u)));
     ADC2->SMPR1 = ADC_SMP_15_CYCLES << (3u * (BOARD_ADC_Y_CHANNEL - 10u));
+    ADC1->JSQR = ADC_JSQR_ONE(ADC_VREFINT_CHANNEL);
+    ADC2->JSQR = ADC_JSQR_ONE(BOARD_ADC_Y_CHANNEL);
     ADC1->SQR3 = BOARD_ADC_X_CHANNEL;
     ADC2->SQR3 = BOARD_ADC_Y_CHANNEL;
     ADC1->SR = 0u;
     ADC1->CR1 = ADC_CR1_OVRIE;
     /* The slave first: from the moment the master is on, a trigger would start both. */
-    ADC_COMMON->CCR = ADC_CCR_PCLK2_BY_4 | ADC_CCR_REGULAR_DUAL | ADC_CCR_DMA_MODE_2 | ADC_CCR_DDS;
+    ADC_COMMON->CCR = ADC_CCR_PCLK2_BY_4 | ADC_CCR_DUAL | ADC_CCR_DMA_MODE_2 | ADC_CCR_DDS | ADC_CCR_TSVREFE;
     ADC2->CR2 = ADC_CR2_ADON;
     ADC1->CR2 = ADC_CR2_EXTEN_RISING | ADC_CR2_EXTSEL_TIM3 | ADC_CR2_ADON;
     /* Their 3 us to wake up are over long before the first trigger, 125 us after the start. */
@@ -181,7 +213,8 @@ void dma2_stream0_handler(void) {
     uint32_t entered_us = timebase_now_us();
     uint32_t flags = DMA2->LISR;
     DMA2->LIFCR = DMA_STREAM0_FLAGS;
-    if ((flags & DMA_STREAM0_TEIF) != 0u) {
+    if ((flags & DMA_STREAM0_TEIF) != 0u || (DMA1->LISR & DMA1_LOW_TEIFS) != 0u ||
+        (DMA1->HISR & DMA1_HIGH_TEIFS) != 0u) {
         fault_stop(FAULT_DMA);
     }
     uint32_t behind_us = entered_us - due_us;
@@ -202,6 +235,7 @@ void dma2_stream0_handler(void) {
     pass_due(1u);
 
     ticks++;
+    follow_supply(timebase_now_us() - (due_us - IMPID_PERIOD_US));
     uint32_t took_us = timebase_now_us() - entered_us;
     if (took_us > worst_us) {
         worst_us = took_us < UINT16_MAX ? (uint16_t)took_us : UINT16_MAX;
@@ -219,6 +253,7 @@ uint32_t sampling_ticks(void) {
 }
 
 void sampling_health(impid_port_health_t *health) {
+    health->supply_mV = supply_mV;
     health->worst_tick_us = worst_us;
     health->sync_us = sync_us;
     health->sync_count = sync_count;

@@ -24,6 +24,8 @@ static uint32_t consumed; /* main loop alone: place of the next byte to hand ove
 static volatile uint32_t burst_end;
 static volatile uint32_t burst_us;
 
+static volatile uint16_t damaged_bursts; /* interrupt */
+
 static uint8_t transmit[TRANSMIT_BYTES];
 /* Free-running: bytes ever queued (main loop) and ever sent (interrupt); the difference is in the ring. The
  * stretch between `sent` and `sent + under_way` belongs to DMA. */
@@ -65,6 +67,10 @@ void usart2_handler(void) {
     if ((status & USART_SR_IDLE) != 0u) {
         burst_end = RECEIVE_BYTES - DMA1->S[5].NDTR;
         burst_us = now_us - IDLE_AFTER_US;
+    }
+    /* These flags stay from the byte that raised them to this read: one count a burst. */
+    if ((status & USART_SR_ERRORS) != 0u) {
+        damaged_bursts++;
     }
 }
 
@@ -164,4 +170,8 @@ uint32_t serial_backlog_us(void) {
 
 bool serial_done(void) {
     return queued == sent && (USART2->SR & USART_SR_TC) != 0u;
+}
+
+void serial_health(impid_port_health_t *health) {
+    health->line_errors = damaged_bursts;
 }

@@ -19,5 +19,7 @@ bool serial_send(const uint8_t *bytes, size_t count);
 uint32_t serial_backlog_us(void);
 /* Everything, to the last stop bit, has left. */
 bool serial_done(void);
+/* Adds the line's part to the account. */
+void serial_health(impid_port_health_t *health);
 
 #endif

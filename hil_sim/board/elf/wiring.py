@@ -48,8 +48,8 @@ NUCLEO = Wiring(
 CUSTOM = Wiring(
     hse_bypass=False,
     axes=(12, 13),
-    signals=SHARED | {"TIM2_CH1": ("A", 5), "CAN1_RX": ("A", 11), "CAN1_TX": ("A", 12)},
+    signals=SHARED | {"TIM2_CH1": ("A", 15), "CAN1_RX": ("A", 11), "CAN1_TX": ("A", 12)},
     self_test=("B", 5),
-    led=("C", 13),
+    led=("B", 12),
     encoder_faults=FAULTS,
 )

@@ -14,6 +14,7 @@ COMMANDS = {
     "info": "Tell what a recording holds.",
     "device": "Talk to the board: info, self-test, calibrate, set, reset, log.",
     "sync": "Offset and drift between the board's clock and the robot's log.",
+    "check": "Look for mistakes in a study: signs, units, swaps, labels.",
     "fit": "Identify the robot, then the load or arm, of a study.",
     "diagnose": "Find what the model lacks in a study, and prove it on held-out data.",
     "import": "Turn foreign logs (CSV, Parquet, .mat) into a study folder.",

@@ -16,7 +16,7 @@ from impid_host.design.reference import (
     ten_sinusoids,
 )
 from impid_host.errors import InputError
-from impid_host.robot.model import RobotModel, robot_model
+from impid_host.robot.model import ROBOTS, RobotModel, robot_model
 from impid_host.study.csv_table import write_columns
 from impid_host.study.model import Setup
 from impid_host.study.setup_file import read_setup
@@ -181,6 +181,10 @@ def perturbation(
     Example:
       impid-host design perturbation --rms 4 --out perturbation.csv
     """
+    if setup_path is not None and axes != 2:
+        raise click.UsageError("--modify-for needs the two axes of a planar robot")
+    # What the setup lacks is said before a hundred candidates are tried.
+    contact = None if setup_path is None else _contact(setup_path, angles, hold, arm)
     try:
         design = design_perturbation(
             rms,
@@ -193,18 +197,16 @@ def perturbation(
         )
     except ValueError as error:
         raise click.UsageError(str(error)) from error
-    click.echo(f"{out}: {design}")
-    force = design.force
-    if setup_path is not None:
-        if axes != 2:
-            raise click.UsageError("--modify-for needs the two axes of a planar robot")
-        contact = _contact(setup_path, angles, hold, arm)
+    force, modified = design.force, ""
+    if contact is not None:
         force = modified_perturbation(force, rate, contact, max_gain=max_gain, upper_Hz=1.5 * cutoff)
-        click.echo(
-            f"  modified for the arm: peak {np.max(np.abs(force)):.1f} N; check it against the robot's limits"
-        )
+        peak = np.max(np.abs(force))
+        modified = f"  modified for the arm: peak {peak:.1f} N; check it against the robot's limits"
     labels = ("fdx", "fdy", "fdz") if axes <= 3 else tuple(f"fd{k + 1}" for k in range(axes))
     _write(out, {"t": design.t, **{labels[k]: force[:, k] for k in range(axes)}})
+    click.echo(f"{out}: {design}")
+    if modified:
+        click.echo(modified)
 
 
 @command.command()
@@ -272,7 +274,7 @@ def multisine(
 
 
 def _model(path: Path, setup: Setup) -> RobotModel:
-    if setup.robot.model == "urdf":
+    if ROBOTS[setup.robot.model].described:
         raise InputError(
             path, "design needs the robot's own model, not a URDF", "use a planar model or slide-1d"
         )
@@ -291,6 +293,11 @@ def _contact(
             "the modified perturbation needs a two-joint robot with [prior] alpha",
             "identify the robot with `impid-host fit` and enter its alpha",
         )
+    if len(setup.prior_alpha) != len(model.parameter_names):
+        what = (
+            f"[prior] alpha has {len(setup.prior_alpha)} numbers, {model.name} {len(model.parameter_names)}"
+        )
+        raise InputError(path, what, f"give {', '.join(model.parameter_names)}")
     theta = np.deg2rad(np.array([angles_deg]))
     alpha = np.array(setup.prior_alpha)
     still = np.zeros((1, 2))

@@ -18,9 +18,9 @@ from impid_host.errors import InputError, LinkError
 from impid_host.link.client import FAULT_RECORD, SETTINGS, BoardClient
 from impid_host.link.readings import mean_codes
 from impid_host.recording.reader import read_recording
+from impid_host.samples import rows_of
 from impid_host.signals.counts import longest_run, usable_samples
 from impid_host.study.setup_file import read_setup
-from impid_host.wire.decoder import rows_of
 from impid_host.wire.messages import SAMPLE_PERIOD_US, choices
 
 _SELF_TEST = {number: name for name, number in choices("STATUS_HEALTH", "self_test").items()}
@@ -283,11 +283,12 @@ def _keep(found: AccelerometerCalibration, out: Path, client: BoardClient | None
         raise InputError(out, f"cannot be written ({error.strerror})", "choose another place") from None
     click.echo(str(found))
     click.echo(
-        f"written to {out}; give it to `impid-host record --calibration` to have it in every recording"
+        f"written to {out}; give it to `impid-host record --calibration` or to `impid-host export "
+        "--calibration`: export and fit then use these numbers in place of setup.toml's"
     )
     if client is not None:
         client.store(found.board_settings())
-        click.echo("stored on the board")
+        click.echo("stored on the board; recordings that it makes carry them, and export and fit use them")
 
 
 def _angles(text: str | None) -> np.ndarray | None:

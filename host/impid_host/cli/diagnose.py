@@ -1,16 +1,24 @@
 """`impid-host diagnose`: what the papers' model lacks in a study, and how much better it is with it."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import click
 from rich.console import Console
 from rich.progress import Progress
+from rich.table import Table
 
+from impid_host.checks import check_study
+from impid_host.checks.of_diagnosis import gate_diagnosis
+from impid_host.cli.checked import IMPOSSIBLE, refused
 from impid_host.cli.inputs import load_inputs
 from impid_host.diagnosis.diagnose import diagnose
 from impid_host.diagnosis.result import Diagnosis
 from impid_host.diagnosis.saved import save_model as write_model
+from impid_host.diagnosis.verdict import beside_checks
+from impid_host.errors import UndeterminedError
+from impid_host.report.check_tables import print_above, print_below, with_marks
 from impid_host.report.diagnosis_json import diagnosis_json
 from impid_host.report.diagnosis_tables import effect_table, parameter_table, stage_table
 from impid_host.report.diagnosis_units import structure_words
@@ -45,10 +53,18 @@ def command(study: Path, json_to: str | None, figures: Path | None, save_model: 
     """
     read = load_inputs([study], (), None)
     with Progress(console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task("reading", total=1.0)
-        answer = diagnose(read, lambda words, share: bar.update(task, description=words, completed=share))
+        task = bar.add_task("checking", total=1.0)
+        checks = check_study(read)
+        try:
+            answer = diagnose(read, lambda words, share: bar.update(task, description=words, completed=share))
+        except UndeterminedError as error:
+            refused(read, checks, error, json_to)
+    checks = checks.with_more(gate_diagnosis(read, answer))
+    answer = replace(answer, verdict=beside_checks(answer.verdict, checks))
     if json_to != "-":
-        show(answer)
+        print_above(table_console(), checks)
+        show(answer, trusted=checks.trusted)
+        print_below(table_console(), checks)
     if figures is not None:
         from impid_host.report.diagnosis_figures import draw_diagnosis  # noqa: PLC0415  (matplotlib is slow)
 
@@ -57,24 +73,29 @@ def command(study: Path, json_to: str | None, figures: Path | None, save_model: 
     if save_model is not None:
         write_model(answer, read, save_model)
     if json_to is not None:
-        text = json.dumps(diagnosis_json(answer), indent=2, allow_nan=False)
+        text = json.dumps(diagnosis_json(answer, checks), indent=2, allow_nan=False)
         if json_to == "-":
             click.echo(text)
         else:
             Path(json_to).write_text(text + "\n", encoding="utf-8")
+    if checks.impossible:
+        raise SystemExit(IMPOSSIBLE)
 
 
-def show(answer: Diagnosis) -> None:
-    """Print the answer for people."""
+def show(answer: Diagnosis, *, trusted: bool = True) -> None:
+    """Print the answer for people; where it is not trusted every number is marked, and nothing is said to be
+    complete.
+    """
     console = table_console()
-    console.print(stage_table(answer))
+    console.print(answer.verdict[:1].upper() + answer.verdict[1:] + ".")
+
+    def put(table: Table) -> None:
+        console.print(table if trusted else with_marks(table))
+
+    put(stage_table(answer))
     if len(answer.stages) > 1:
-        console.print(effect_table(answer))
-        console.print(parameter_table(answer))
-    elif not answer.above_noise_floor:
-        console.print("Nothing is missing: the papers' model explains these data down to the noise.")
-    elif not answer.structure:
-        console.print("More than noise is left, and nothing tells what it depends on.")
+        put(effect_table(answer))
+        put(parameter_table(answer))
     for row in answer.structure:
         console.print(f"No known effect explains this: {structure_words(row, answer)}")
     for tie in answer.ambiguous:

@@ -2,25 +2,29 @@
 
 import re
 from pathlib import Path
-from typing import Literal, cast
+from typing import Literal
 
 import click
 
+from impid_host.calibration.applied import apply, read_calibration, with_calibration
+from impid_host.cli.checked import offer_check
 from impid_host.errors import InputError
 from impid_host.recording.export.can_log import write_can_log
 from impid_host.recording.export.tables import write_mat, write_parquet
 from impid_host.recording.reader import Recording, read_recording
 from impid_host.samples import DeviceSamples
 from impid_host.study.folder import begin_study, write_trial
-from impid_host.study.model import Setup, Trial, TrialKind
+from impid_host.study.importing import read_mapped_log
+from impid_host.study.mapping import Mapping, read_mapping
+from impid_host.study.model import RobotLog, Session, Setup, Trial, TrialKind
 from impid_host.study.notices import notices_as_lines
 from impid_host.study.robot_csv import read_robot_log
 from impid_host.study.setup_file import read_setup
-from impid_host.study.trial_file import default_load
+from impid_host.study.trial_file import TrialHead, default_load
 
 _FILES = {".parquet": write_parquet, ".mat": write_mat, ".asc": write_can_log, ".blf": write_can_log}
 _KINDS = ("free", "mass-spring", "arm", "stochastic")
-_KIND_BY_NAME = {"free": "free", "spring": "mass-spring", "arm": "arm"}
+_KIND_BY_NAME: dict[str, TrialKind] = {"free": "free", "spring": "mass-spring", "arm": "arm"}
 
 
 @click.command()
@@ -41,11 +45,25 @@ _KIND_BY_NAME = {"free": "free", "spring": "mass-spring", "arm": "arm"}
     help="The robot's log of each recording, in the same order. Default: FILE.robot.csv.",
 )
 @click.option(
+    "--mapping",
+    "mapping_file",
+    type=click.Path(path_type=Path),
+    metavar="MAP.toml",
+    help="How the robot's logs are written, as for `import`. Default: as robot.csv.",
+)
+@click.option(
     "--setup",
     "setup_file",
     type=click.Path(path_type=Path),
     metavar="TOML",
-    help="The apparatus. Default: the study's own, or else FILE.setup.toml.",
+    help="The apparatus. Default: the study's own, else FILE.setup.toml, else the mapping's.",
+)
+@click.option(
+    "--calibration",
+    "calibration_file",
+    type=click.Path(path_type=Path),
+    metavar="FILE.json",
+    help="Calibration of the accelerometer. Default: the recordings' own, where they carry one.",
 )
 @click.option(
     "--trial", metavar="NAME", help="Name of the trial (one FILE only). Default: FILE without .mcap."
@@ -67,7 +85,9 @@ def command(
     files: tuple[Path, ...],
     out: Path,
     robot_logs: tuple[Path, ...],
+    mapping_file: Path | None,
     setup_file: Path | None,
+    calibration_file: Path | None,
     trial: str | None,
     kind: TrialKind | None,
     on: Literal["mass-spring", "arm"] | None,
@@ -77,7 +97,9 @@ def command(
     """Write a study folder from a recording, or add a trial to one; or a file for other programs.
 
     Each recording becomes one trial folder with trial.toml, device.csv and robot.csv. Nothing that is there
-    already is overwritten.
+    already is overwritten. The robot's own log, under its own column names, is read by a mapping as `import`
+    takes it (docs/import.md). A calibration of the accelerometer that the recordings carry goes into the
+    study's setup.toml.
 
     With --out FILE.parquet or FILE.mat the samples of one recording become a table, with --out FILE.asc or
     FILE.blf the raw frames of a CAN recording a log as CAN tools read it.
@@ -86,6 +108,7 @@ def command(
     Examples:
       impid-host export free_01.mcap spring_K1_M1_01.mcap --out study/
       impid-host export rec.mcap --robot-log rig.csv --setup rig.toml --trial arm_01 --kind arm --out study/
+      impid-host export rec.mcap --robot-log rig.csv --mapping rig_map.toml --trial arm_01 --out study/
       impid-host export free_01.mcap --out free_01.parquet
     """
     if out.suffix.lower() in _FILES:
@@ -101,18 +124,25 @@ def command(
         raise click.UsageError("--kind stochastic and --on go together")
     logs = robot_logs or tuple(file.with_suffix(".robot.csv") for file in files)
     with notices_as_lines(lambda line: click.echo(line, err=True)):
-        setup = _setup(out, setup_file, files[0])
+        recordings = [_recording(file) for file in files]
+        mapping = None if mapping_file is None else read_mapping(mapping_file)
+        setup = _calibrated(_setup(out, setup_file, files[0], mapping), recordings, calibration_file)
+        _refuse_other_apparatus(setup, out, setup_file)
         trials = []
-        for file, log in zip(files, logs, strict=True):
-            name = trial or file.stem
+        for recording, log in zip(recordings, logs, strict=True):
+            name = trial or recording.path.stem
+            robot, head = _robot_log(log, name, setup, mapping)
             trials.append(
                 Trial(
                     name=name,
-                    kind=kind or _kind_of(name, file),
-                    load=load or default_load(name),
-                    robot=read_robot_log(log, setup.robot.model),
-                    device=_samples(file, run),
-                    on=on,
+                    kind=kind or (head.kind if head else _kind_of(name, recording.path)),
+                    load=load or (head.load if head else default_load(name)),
+                    robot=robot,
+                    device=_samples(recording, run),
+                    on=on or (head.on if head and kind is None else None),
+                    payload_kg=head.payload_kg if head else None,
+                    note=head.note if head else "",
+                    session=head.session if head else Session(),
                 )
             )
         _refuse_existing(trials, out)
@@ -123,6 +153,31 @@ def command(
             click.echo(
                 f"{place}: {each.kind}, {len(each.device or ())} samples, {len(each.robot)} robot rows"
             )
+        offer_check(out)
+
+
+def _robot_log(
+    log: Path, trial_name: str, setup: Setup, mapping: Mapping | None
+) -> tuple[RobotLog, TrialHead | None]:
+    """The robot's log, and what the mapping says of the trial, where there is one."""
+    if mapping is None:
+        return read_robot_log(log, setup.robot.model), None
+    if mapping.setup.robot.model != setup.robot.model:
+        what = f'is for robot.model = "{mapping.setup.robot.model}", the setup says "{setup.robot.model}"'
+        raise InputError(mapping.path, what, "make the two agree")
+    mapped = read_mapped_log(log, mapping, trial_name)
+    return mapped.robot, mapped.head
+
+
+def _calibrated(setup: Setup, recordings: list[Recording], calibration_file: Path | None) -> Setup:
+    """The apparatus with the accelerometer's calibration, where there is one; says so."""
+    if calibration_file is not None:
+        now, words = apply(setup, read_calibration(calibration_file), calibration_file)
+    else:
+        now, words = with_calibration(setup, recordings)
+    if words:
+        click.echo(words)
+    return now
 
 
 def _write_file(files: tuple[Path, ...], out: Path) -> None:
@@ -149,24 +204,35 @@ def _write_file(files: tuple[Path, ...], out: Path) -> None:
     click.echo(f"{out}: {sum(map(len, recording.segments))} samples of {len(recording.segments)} run(s)")
 
 
-def _setup(out: Path, setup_file: Path | None, first: Path) -> Setup:
-    """The apparatus; where the study has one already, a given one must be the same."""
+def _setup(out: Path, setup_file: Path | None, first: Path, mapping: Mapping | None) -> Setup:
+    """The apparatus: as given, or the study's own, or that beside the recording, or the mapping's."""
+    own, beside = out / "setup.toml", first.with_suffix(".setup.toml")
+    if setup_file is not None:
+        return read_setup(setup_file)
+    if own.exists():
+        return read_setup(own)
+    if mapping is not None and not beside.exists():
+        return mapping.setup
+    return read_setup(beside)
+
+
+def _refuse_other_apparatus(setup: Setup, out: Path, setup_file: Path | None) -> None:
+    """A study that exists must have been made with this apparatus, calibration and all."""
     own = out / "setup.toml"
-    if not own.exists():
-        return read_setup(setup_file or first.with_suffix(".setup.toml"))
-    setup = read_setup(own)
-    if setup_file is not None and read_setup(setup_file) != setup:
-        raise InputError(
-            setup_file, f"differs from {own}", "one study has one apparatus: export into another folder"
-        )
-    return setup
+    if own.exists() and read_setup(own) != setup:
+        what = f"differs from {own}" if setup_file else "differs from it by the calibration to be applied"
+        raise InputError(setup_file or own, what, "one study has one apparatus: export into another folder")
 
 
-def _samples(file: Path, run: int | None) -> DeviceSamples:
-    recording: Recording = read_recording(file)
+def _recording(file: Path) -> Recording:
+    recording = read_recording(file)
     for warning in recording.warnings:
         click.echo(f"warning: {warning}", err=True)
-    segments = recording.segments
+    return recording
+
+
+def _samples(recording: Recording, run: int | None) -> DeviceSamples:
+    file, segments = recording.path, recording.segments
     if not segments:
         raise InputError(file, "holds no samples", "record again; `impid-host record` says what went wrong")
     if run is None and len(segments) > 1:
@@ -183,7 +249,7 @@ def _kind_of(name: str, file: Path) -> TrialKind:
     kind = _KIND_BY_NAME.get(start[0] if start else "")
     if kind is None:
         raise InputError(file, f"the name {name} does not tell the kind of trial", "say it with --kind")
-    return cast("TrialKind", kind)
+    return kind
 
 
 def _refuse_existing(trials: list[Trial], out: Path) -> None:

@@ -1,28 +1,37 @@
 """`impid-host fit`: the robot, then the load or arm, of a study."""
 
 import json
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import click
 from rich.console import Console
 
+from impid_host.checks import Agreement, Checks, agreement, check_study
+from impid_host.checks.of_fit import gate_fit
+from impid_host.cli.checked import IMPOSSIBLE, refused, unconfirmed
 from impid_host.cli.inputs import load_inputs
 from impid_host.cli.pair import PAIR
 from impid_host.diagnosis.saved import SavedModel, read_model
 from impid_host.errors import UndeterminedError
-from impid_host.impedance.campaign import Options, StudyFit, fit_study
+from impid_host.impedance.campaign import Options, Progress, StudyFit, default_chain, fit_study
+from impid_host.impedance.constrained import Constrained
 from impid_host.impedance.constrained import constrain as constrain_matrices
-from impid_host.impedance.joint_space import Limb, joint_impedance
+from impid_host.impedance.joint_space import JointImpedance, Limb, joint_impedance
 from impid_host.impedance.reflex import Band, ReflexFit, fit_trial_reflex
 from impid_host.impedance.rows import Split
-from impid_host.report.fit_json import fit_json
+from impid_host.report.check_tables import agreement_table, print_above, print_below
+from impid_host.report.fit_json import Json, fit_json
 from impid_host.report.fit_page import print_fit
 from impid_host.report.reflex_report import reflex_json, reflex_table
 from impid_host.report.wide_console import table_console
 from impid_host.robot.terms import TERMS
-from impid_host.signals.chain import CHAINS
+from impid_host.signals.chain import CHAINS, DEFAULT, Chain
+from impid_host.study.model import Study
+
+if TYPE_CHECKING:
+    from impid_host.diagnosis.reuse import Provenance
 
 REFLEX = "load.delay"
 
@@ -50,7 +59,12 @@ REFLEX = "load.delay"
     type=click.Choice(["accelerometer", "angles"]),
     help="Where accelerations come from; by default the accelerometer where there is one.",
 )
-@click.option("--cutoff", type=click.FloatRange(0.5, 200), metavar="HZ", help="Cut-off of the default chain.")
+@click.option(
+    "--cutoff",
+    type=click.FloatRange(0.5, 200),
+    metavar="HZ",
+    help="Cut-off of the default chain; by default twice the band of the motion, 4.5 Hz at least.",
+)
 @click.option(
     "--with",
     "terms",
@@ -78,6 +92,9 @@ REFLEX = "load.delay"
 @click.option(
     "--saved-robot", is_flag=True, help="With --model: its robot parameters, even if trials are free."
 )
+@click.option(
+    "--physical", is_flag=True, help="Also give the robot's links inertias that a body can have (URDF)."
+)
 @click.option("--constrain", is_flag=True, help="Also give M and K of arms symmetric and positive definite.")
 @click.option("--limb", type=PAIR, metavar="UPPER,FORE", help="Limb lengths, m: also give joint impedance.")
 @click.option("--shoulder", type=PAIR, metavar="X,Y", help="Where the shoulder is, m, in the robot's frame.")
@@ -99,6 +116,7 @@ def command(
     validate: float,
     model_file: Path | None,
     saved_robot: bool,
+    physical: bool,
     constrain: bool,
     limb: tuple[float, float] | None,
     shoulder: tuple[float, float] | None,
@@ -117,6 +135,7 @@ def command(
     Examples:
       impid-host fit study/
       impid-host fit study/ --json result.json --figures figures/
+      impid-host fit panda/ --with friction.coulomb --with actuator.offset --physical
       impid-host fit arm_study/ --constrain --limb 0.30,0.33 --shoulder 0.37,-0.50
       impid-host fit next_study/ --model model.json
       impid-host fit ankle/ --with load.delay --cutoff 40 --validate 20
@@ -124,56 +143,127 @@ def command(
     """
     geometry = _limb(limb, shoulder, side)
     study = load_inputs(paths, robot_log, setup)
-    row = CHAINS[chain] if cutoff is None else CHAINS[chain].with_cutoff(cutoff)
+    row = _chain(study, chain, cutoff)
     own_terms = tuple(term for term in terms if term != REFLEX)
-    options = Options(row, acceleration, own_terms, Split(validate))
+    options = Options(row, acceleration, own_terms, Split(validate), physical)
     errors = Console(stderr=True)
-    provenance = None
     saved = None if model_file is None else _saved(model_file, chain)
-    with errors.status("reading") as status:
-        if saved is None:
-            result = fit_study(study, options, status.update)
-        else:
-            from impid_host.diagnosis.reuse import fit_with_model  # noqa: PLC0415  (the catalogue is slow to import)
-
-            result, provenance = fit_with_model(study, saved, options, status.update, keep_robot=saved_robot)
+    drawn = None
+    with errors.status("checking") as status:
+        answer = _answer(study, options, saved, status.update, keep_robot=saved_robot, json_to=json_to)
         if figures is not None:
             status.update("drawing")
             from impid_host.report.fit_figures import draw_study  # noqa: PLC0415  (matplotlib is slow to import)
 
-            drawn = draw_study(result, figures)
-    reflexes = _reflexes(result, validate) if REFLEX in terms else {}
+            drawn = f"{len(draw_study(answer.result, figures))} figures in {figures}"
     handle = study.setup.handle_mass_kg
-    arms = [fit for fit in result.loads if fit.model.name == "arm" and len(fit.model.axes) == 2]
-    tight = [constrain_matrices(fit, handle) for fit in arms] if constrain else []
-    joints = [] if geometry is None else [joint_impedance(fit, geometry, handle) for fit in arms]
-    for line in [] if provenance is None else provenance.warnings:
+    arms = [fit for fit in answer.result.loads if fit.model.name == "arm" and len(fit.model.axes) == 2]
+    extras = _Extras(
+        reflexes=_reflexes(answer.result, validate) if REFLEX in terms else {},
+        tight=[constrain_matrices(fit, handle) for fit in arms] if constrain else [],
+        joints=[] if geometry is None else [joint_impedance(fit, geometry, handle) for fit in arms],
+    )
+    for line in [] if answer.provenance is None else answer.provenance.warnings:
         click.echo(line, err=True)
     if json_to != "-":
-        for line in [] if provenance is None else provenance.lines:
-            click.echo(line)
-        print_fit(table_console(), result, tight, joints)
-        if reflexes:
-            table_console().print(reflex_table(reflexes))
-        if figures is not None:
-            click.echo(f"{len(drawn)} figures in {figures}")
+        _show(answer, extras, unconfirmed(study))
+        if drawn is not None:
+            click.echo(drawn)
     if json_to is not None:
-        document = fit_json(
-            result.study,
-            result.chain,
-            result.trials,
-            result.robot,
-            result.loads,
-            spectral=result.spectral,
-            constrained=tight,
-            joints=joints,
-            partial=result.partial,
-        )
-        if provenance is not None:
-            document["model"] = asdict(provenance)
-        if reflexes:
-            document["reflex"] = reflex_json(reflexes)
-        _write(json.dumps(document, indent=2), json_to)
+        _write(json.dumps(_document(answer, extras), indent=2), json_to)
+    if answer.checks.impossible:
+        raise SystemExit(IMPOSSIBLE)
+
+
+@dataclass(frozen=True)
+class _Answer:
+    """A fit and what is to be said about it; `provenance` of a saved model, where one was used."""
+
+    result: StudyFit
+    provenance: "Provenance | None"
+    checks: Checks
+    measured_twice: Agreement
+
+
+@dataclass(frozen=True)
+class _Extras:
+    """What was asked for besides."""
+
+    reflexes: dict[str, tuple[ReflexFit, Band]]
+    tight: list[Constrained]
+    joints: list[JointImpedance]
+
+
+def _answer(
+    study: Study,
+    options: Options,
+    saved: SavedModel | None,
+    progress: Progress,
+    *,
+    keep_robot: bool,
+    json_to: str | None,
+) -> _Answer:
+    """Check, fit, and hold the fit against physics and against what was measured twice."""
+    checks = check_study(study)
+    provenance = None
+    try:
+        if saved is None:
+            result = fit_study(study, options, progress)
+        else:
+            from impid_host.diagnosis.reuse import fit_with_model  # noqa: PLC0415  (the catalogue is slow to import)
+
+            result, provenance = fit_with_model(study, saved, options, progress, keep_robot=keep_robot)
+    except UndeterminedError as error:
+        refused(study, checks, error, json_to)
+    twice = agreement(study, result.loads)
+    checks = checks.with_more(gate_fit(study, result)).with_more(twice.checks)
+    return _Answer(result, provenance, checks, twice)
+
+
+def _show(answer: _Answer, extras: _Extras, assumption: str) -> None:
+    console = table_console()
+    print_above(console, answer.checks)
+    for line in [] if answer.provenance is None else answer.provenance.lines:
+        click.echo(line)
+    print_fit(console, answer.result, extras.tight, extras.joints, marked=not answer.checks.trusted)
+    if extras.reflexes:
+        console.print(reflex_table(extras.reflexes))
+    if answer.measured_twice.pairs:
+        console.print(agreement_table(answer.measured_twice))
+    print_below(console, answer.checks)
+    if assumption:
+        click.echo(assumption)
+
+
+def _document(answer: _Answer, extras: _Extras) -> Json:
+    result = answer.result
+    document = fit_json(
+        result.study,
+        result.chain,
+        result.trials,
+        result.robot,
+        result.loads,
+        spectral=result.spectral,
+        constrained=extras.tight,
+        joints=extras.joints,
+        partial=result.partial,
+        cutoff_hz=result.cutoff_hz,
+        forces=result.forces,
+        physical=result.physical,
+        checks=answer.checks,
+        measured_twice=answer.measured_twice,
+    )
+    if answer.provenance is not None:
+        document["model"] = asdict(answer.provenance)
+    if extras.reflexes:
+        document["reflex"] = reflex_json(extras.reflexes)
+    return document
+
+
+def _chain(study: Study, name: str, cutoff: float | None) -> Chain:
+    if cutoff is not None:
+        return CHAINS[name].with_cutoff(cutoff)
+    return default_chain(study) if name == DEFAULT.name else CHAINS[name]
 
 
 def _write(text: str, to: str) -> None:

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import click
 
+from impid_host.cli.checked import offer_check
 from impid_host.study.folder import write_study
 from impid_host.study.importing import import_logs
 from impid_host.study.notices import notices_as_lines
@@ -16,7 +17,7 @@ _PATH = click.Path(path_type=Path)
 @click.option("--mapping", required=True, type=_PATH, metavar="MAP.toml", help="Columns, units, trials.")
 @click.option("--out", required=True, type=_PATH, metavar="STUDY/", help="Study folder to make.")
 def command(logs: tuple[Path, ...], mapping: Path, out: Path) -> None:
-    """Turn foreign logs (CSV, Parquet, MATLAB .mat) into a study folder.
+    """Turn foreign logs (CSV, Parquet, MATLAB .mat, ROS bags) into a study folder.
 
     The mapping is a small TOML file: the apparatus, where each column of the robot's log comes from (name,
     unit, scale, or an expression such as a drive's gain), and one table for each trial.
@@ -24,7 +25,7 @@ def command(logs: tuple[Path, ...], mapping: Path, out: Path) -> None:
 
     \b
     Example:
-      impid-host import DATA_EMPS.mat --mapping docs/mappings/emps.toml --out emps/
+      impid-host import DATA_EMPS.mat --mapping docs/mappings/emps_mat.toml --out emps/
     """
     with notices_as_lines(lambda line: click.echo(line, err=True)):
         study = import_logs(logs, mapping, out.resolve().name)
@@ -34,3 +35,4 @@ def command(logs: tuple[Path, ...], mapping: Path, out: Path) -> None:
         forces = "" if trial.robot.force is None else ", measured forces"
         click.echo(f"{trial.name}: {trial.kind}, {len(trial.robot)} rows, {duration:.3f} s{forces}")
     click.echo(f"{len(study.trials)} trials written to {out}")
+    offer_check(out)

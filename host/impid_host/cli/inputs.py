@@ -6,9 +6,11 @@ from pathlib import Path
 
 import click
 
+from impid_host.calibration.applied import with_calibration
 from impid_host.errors import InputError
-from impid_host.recording.reader import read_recording
+from impid_host.recording.reader import Recording, read_recording
 from impid_host.study.folder import read_study
+from impid_host.study.joints import logged_joints
 from impid_host.study.model import Setup, Study, Trial, TrialKind
 from impid_host.study.notices import notices_as_lines
 from impid_host.study.robot_csv import read_robot_log
@@ -41,15 +43,26 @@ def load_inputs(paths: Sequence[Path], robot_logs: Sequence[Path], setup: Path |
         if len(robot_logs) != len(paths):
             what = f"{len(paths)} recording(s) but {len(robot_logs)} robot log(s)"
             raise InputError(paths[0], what, "give one --robot-log for each recording, in the same order")
-        apparatus = read_setup(setup)
-        trials = [_trial(path, log, apparatus) for path, log in zip(paths, robot_logs, strict=True)]
+        recordings = [_recording(path) for path in paths]
+        apparatus, words = with_calibration(read_setup(setup), recordings)
+        if words:
+            click.echo(words, err=True)
+        trials = [
+            _trial(recording, log, apparatus) for recording, log in zip(recordings, robot_logs, strict=True)
+        ]
+        logged_joints(apparatus.robot, trials[0].robot.theta.shape[1], setup)
     return Study(paths[0].stem, apparatus, tuple(sorted(trials, key=lambda trial: trial.name)), source=None)
 
 
-def _trial(path: Path, log: Path, setup: Setup) -> Trial:
+def _recording(path: Path) -> Recording:
     recording = read_recording(path)
     for warning in recording.warnings:
         click.echo(f"{path}: {warning}", err=True)
+    return recording
+
+
+def _trial(recording: Recording, log: Path, setup: Setup) -> Trial:
+    path = recording.path
     if not recording.segments:
         raise InputError(path, "holds no samples", "record again with the board streaming")
     longest = max(recording.segments, key=lambda segment: len(segment.samples))

@@ -13,7 +13,7 @@ import click
 from rich.console import Console
 
 from impid_host import __version__
-from impid_host.calibration.accelerometer import AccelerometerCalibration
+from impid_host.calibration.applied import as_metadata, read_calibration
 from impid_host.cli.link_options import address_of, link_options
 from impid_host.clock.device import fit_clock
 from impid_host.errors import InputError, LinkError, UndeterminedError
@@ -60,7 +60,7 @@ class _Order:
     "calibration_file",
     type=click.Path(path_type=Path),
     metavar="FILE.json",
-    help="Calibration of the accelerometer, to be kept in the recording.",
+    help="Calibration of the accelerometer, kept in the recording; `export` and `fit` apply it.",
 )
 @click.option(
     "--reconnect",
@@ -132,7 +132,9 @@ def command(
         raise click.UsageError("--speed, --seed and --truth are for --sim only")
     address = address_of(port, can, baud)
     view_at = _host_and_port(view_address) if view else None
-    calibration = {} if calibration_file is None else _calibration(calibration_file)
+    calibration = (
+        {} if calibration_file is None else as_metadata(read_calibration(calibration_file).calibration)
+    )
     robot_log, setup = out.with_suffix(".robot.csv"), out.with_suffix(".setup.toml")
     for path in (out, robot_log, setup, truth) if sim else (out,):
         if path is not None:
@@ -160,6 +162,8 @@ def command(
         order = _Order(out, address, duration, speed, reconnect, said, calibration, view_at)
         outcome = _record(order, stopped)
     _conclude(outcome, order)
+    if sim:
+        click.echo(f"next: impid-host export {out} --out study/ && impid-host check study/", err=True)
 
 
 def _record(order: _Order, stopped: Callable[[], bool]) -> Outcome:
@@ -239,20 +243,6 @@ def _metadata(client: BoardClient, order: _Order, carrier: str) -> dict[str, dic
     }
 
 
-def _calibration(path: Path) -> dict[str, str]:
-    """The numbers of a calibration file, as metadata."""
-    try:
-        found = AccelerometerCalibration.from_json(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise InputError(path, f"cannot be read ({error.strerror})", "check the name") from None
-    except ValueError as error:
-        remedy = "give a file that `impid-host device calibrate` has written"
-        raise InputError(path, str(error), remedy) from None
-    numbers = {name: value for name, value in asdict(found).items() if isinstance(value, dict)}
-    flat = {f"{name}_{key}": repr(number) for name, value in numbers.items() for key, number in value.items()}
-    return {"method": found.method, "residual_g": repr(found.residual_g), **flat}
-
-
 def _conclude(outcome: Outcome, order: _Order) -> None:
     """The last line, from what is really in the file; raises where that is not what was asked for."""
     out, duration_s = order.out, order.duration_s
@@ -268,7 +258,9 @@ def _conclude(outcome: Outcome, order: _Order) -> None:
     if outcome.ending == "disconnected":
         raise LinkError(f"{outcome.trouble}; what was recorded until then is kept in {out}")
     if outcome.ending == "disk-full":
-        missing = outcome.progress.counts.stored - stored
+        missing = (
+            outcome.progress.counts.stored - stored - sum(ledger.surplus for ledger in recording.ledgers)
+        )
         raise LinkError(f"{outcome.trouble}; {missing} samples that had arrived are missing at its end")
     if recording.warnings:
         raise LinkError(recording.warnings[0])

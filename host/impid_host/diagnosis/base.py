@@ -6,9 +6,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from impid_host.effects.view import Columns, View
-from impid_host.impedance.loads import ROTARY_AXES, LoadModel, load_model
-from impid_host.robot.model import RobotModel
+from impid_host.impedance.loads import LoadModel, load_model
+from impid_host.robot.model import RobotModel, torque_at_load
+from impid_host.robot.terms import RobotStructure, robot_structure
 from impid_host.signals.arrays import Floats
+from impid_host.study.model import Setup
 
 
 @dataclass(frozen=True, slots=True)
@@ -16,20 +18,32 @@ class Base:
     """Columns: alpha (p), then the parameters of each load in order.
 
     Attributes:
+        structure: the robot model, with what the textbook's model holds beside it.
         bare: nothing of the robot stands between torque sensor and load, and alpha's columns are zero.
     """
 
-    model: RobotModel
+    structure: RobotStructure
     loads: tuple[tuple[str, LoadModel], ...]
     bare: bool = False
 
     @property
+    def model(self) -> RobotModel:
+        """The robot."""
+        return self.structure.model
+
+    @property
+    def robot(self) -> int:
+        """How many parameters the robot has."""
+        return len(self.structure.parameter_names)
+
+    @property
     def size(self) -> int:
-        return len(self.model.parameter_names) + sum(len(load.columns) for _, load in self.loads)
+        """How many columns."""
+        return self.robot + sum(len(load.columns) for _, load in self.loads)
 
     def slot(self, name: str) -> slice:
         """Columns of the named load."""
-        begin = len(self.model.parameter_names)
+        begin = self.robot
         for other, load in self.loads:
             if other == name:
                 return slice(begin, begin + len(load.columns))
@@ -38,7 +52,7 @@ class Base:
 
     def columns(self, view: View) -> Columns:
         """tau = Y alpha + J^T A lambda, and -F of a force sensor = A lambda: family -> (N, c, size)."""
-        Y = self.model.regressor(view.theta, view.omega, view.acc)
+        Y = replace(self.structure, model=view.model).regressor(view.theta, view.omega, view.acc)
         torque = np.zeros((*Y.shape[:2], self.size))
         if not self.bare:
             torque[:, :, : Y.shape[2]] = Y
@@ -65,9 +79,12 @@ class Base:
         if view.load is not None:
             load = dict(self.loads)[view.load]
             x0, K = equilibrium(load, value[self.slot(view.load)])
-        torque = self.columns(view)["torque"] @ value
-        robot = len(self.model.parameter_names)
-        return replace(view, torque_model=torque, x0=x0, K=K, respond=respond, alpha=value[:robot])
+        response = respond(view)
+        torque = response["torque"]
+        alpha = value[: self.robot]
+        return replace(
+            view, torque_model=torque, x0=x0, K=K, respond=respond, response=response, alpha=alpha
+        )
 
 
 def equilibrium(load: LoadModel, value: Floats) -> tuple[Floats, Floats]:
@@ -77,18 +94,32 @@ def equilibrium(load: LoadModel, value: Floats) -> tuple[Floats, Floats]:
     return np.asarray(np.linalg.lstsq(K, value[load.place], rcond=1e-10)[0], dtype=np.float64), K
 
 
-def base_of(parts: Sequence[View], model: RobotModel, *, prior: bool = False) -> Base:
+def base_of(parts: Sequence[View], structure: RobotStructure, *, prior: bool = False) -> Base:
     """The model of all trials of a study.
 
     Args:
         prior: the robot is known from earlier.
     """
+    model = structure.model
     kinds = {view.load: view.kind for view in parts if view.load is not None}
-    axes = tuple(model.task_axes)
     # Where the torque is measured at the joint itself, only free trials or a prior say what else it moves.
-    bare = axes == ROTARY_AXES and not prior and all(view.load is not None for view in parts)
-    loads = tuple((name, load_model(kind, axes)) for name, kind in sorted(kinds.items()))
-    return Base(model, loads, bare)
+    bare = not prior and torque_at_load(model, {view.kind for view in parts})
+    loads = tuple((name, load_model(kind, tuple(model.task_axes))) for name, kind in sorted(kinds.items()))
+    return Base(structure, loads, bare)
+
+
+def baseline(setup: Setup, model: RobotModel) -> str:
+    """What a diagnosis starts from, "papers" or "textbook": as setup.toml says, else by the robot."""
+    return setup.robot.baseline or model.baseline
+
+
+TEXTBOOK = ("friction.coulomb", "actuator.offset")
+"""What a textbook's model holds beside inertia, gravity and viscous friction, per joint."""
+
+
+def structure_of(setup: Setup, model: RobotModel) -> RobotStructure:
+    """The robot's model that a diagnosis starts from."""
+    return robot_structure(model, TEXTBOOK if baseline(setup, model) == "textbook" else ())
 
 
 def targets(view: View) -> Mapping[str, Floats]:

@@ -1,154 +1,200 @@
-"""The choice: which effects the whitened rows support, one after another, re-checked backwards."""
+"""The choice: a search, again without events, again with large effects taken out exactly; then adequacy."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
-import numpy as np
+from impid_host.diagnosis.case import Case, Progress, informed, silent, tabulated
+from impid_host.diagnosis.confidence import confidence_of
+from impid_host.diagnosis.correct import corrected
+from impid_host.diagnosis.events import Event, events
+from impid_host.diagnosis.leftover import Leftover, believable, changes, left_over
+from impid_host.diagnosis.refit import refit
+from impid_host.diagnosis.result import Chosen, Evidence, Rival
+from impid_host.diagnosis.score import Explanation, difference
+from impid_host.diagnosis.search import RULES, Found, Walk, search
+from impid_host.diagnosis.table import Table, drop, projected, residuals
+from impid_host.diagnosis.ties import chosen_slots
+from impid_host.effects.effect import Term
 
-from impid_host.diagnosis.evidence import gain, projected
-from impid_host.diagnosis.support import supported
-from impid_host.diagnosis.table import Table, admissible, ranking, score_of
-
-MAX_EFFECTS = 6
-_SHORTLIST = 8
-_FINER = 9
+_MARGIN_S = 1.0  # left out around an event
+_LARGE = 1.0  # an effect that lowers a channel's mean squared innovation by so many times the noise's
+_AGAIN = 2
 
 
-def choose(table: Table, given: Sequence[int] = ()) -> tuple[Table, list[int]]:
-    """Slots of the effects that the data support, in the order in which they were found.
+@dataclass(frozen=True, slots=True)
+class Choice:
+    """What was chosen.
+
+    Attributes:
+        case: without the events in its fit part.
+        best: the set, of the walk's table; named, unnamed: its slots.
+        left: what has no name; pushed: stretches that the fit part does without.
+        rejected: labels of names beside which too much is left.
+    """
+
+    case: Case
+    walk: Walk
+    best: Explanation
+    named: tuple[int, ...]
+    unnamed: tuple[int, ...]
+    left: Leftover
+    pushed: tuple[Event, ...]
+    rejected: tuple[str, ...] = ()
+
+    @property
+    def table(self) -> Table:
+        """Rows and columns of the search."""
+        return self.walk.table
+
+
+def chosen(case: Case, progress: Progress = silent) -> Choice:
+    """The explanation that the fit part supports."""
+    table = tabulated(case, progress=progress)
+    progress("searching", 0.7)
+    found = search(table, sometimes=case.setting.both)
+    pushed = events(
+        found.table.runs, residuals(found.table, found.table.columns(found.best.slots)), case.views
+    )
+    if pushed:
+        progress("searching again without what stands out", 0.75)
+        out = tuple((e.trial, e.begin_s - _MARGIN_S, e.end_s + _MARGIN_S) for e in pushed)
+        holdout = replace(case.holdout, left_out=out)
+        case = replace(case, holdout=holdout)
+        case = replace(case, views=tuple(informed(case.views, case.base, holdout)))
+        found = search(tabulated(case), sometimes=case.setting.both)
+    found = _sharpened(case, found)
+    return _adequate(case, found, tuple(pushed))
+
+
+def _sharpened(case: Case, found: Found) -> Found:
+    """The search once more, with large effects taken out of the signals themselves.
+
+    What the linearised columns of an effect many times the noise leave over looks like other, smaller ones.
+    """
+    for _ in range(_AGAIN):
+        large = [s for s in found.best.slots if _is_large(found, s)]
+        if not large or len(found.best.slots) < 2:
+            return found
+        picked = [
+            part
+            for part, s in zip(chosen_slots(found.table, found.best), found.best.slots, strict=True)
+            if s in large
+        ]
+        fit = refit(case, picked, found.table.noise.taps)
+        cleaned = replace(
+            case,
+            views=tuple(informed([corrected(v, fit.chosen) for v in fit.views], case.base, case.holdout)),
+        )
+        table, given = tabulated(cleaned, found.table.noise), []
+        for part in fit.chosen:
+            # What is left to the effect once it is taken out is a small correction, of either sign.
+            table = table.with_shapes(_ungated(part.term), [part.shape])
+            given.append(len(table.slots) - 1)
+        again = search(table, given, sometimes=case.setting.both)
+        slots = [*fit.chosen, *chosen_slots(again.table, again.best)]
+        merged = _in_table(found, slots)
+        if _names(found.walk, merged.best) == _names(found.walk, found.best):
+            return merged
+        found = merged
+    return found
+
+
+def _ungated(term: Term) -> Term:
+    return replace(term, gate=lambda _beta, _shape: True, effect=term.effect)
+
+
+def _is_large(found: Found, s: int) -> bool:
+    table = found.table
+    rest = table.columns([o for o in found.best.slots if o != s])
+    per_channel = table.rows / max(len({run.key for run in table.runs}), 1)
+    return (
+        table.term(s).named
+        and drop(projected(table.G, rest), table.G, table.slots[s].columns) > _LARGE * per_channel
+    )
+
+
+def _in_table(found: Found, parts: Sequence[Chosen]) -> Found:
+    """The set with these parts at their shapes, in the table of the first search."""
+    walk, slots = found.walk, []
+    for part in parts:
+        known = [
+            k
+            for k, slot in enumerate(walk.table.slots)
+            if _kind(slot.term) == _kind(part.term) and abs(slot.shape - part.shape) <= 1e-3 * abs(part.shape)
+        ]
+        if not known:
+            walk.table = walk.table.with_shapes(part.term, [part.shape])
+            known = [len(walk.table.slots) - 1]
+        slots.append(known[0])
+    return Found(walk, walk.score(tuple(slots)))
+
+
+def _kind(term: Term) -> tuple[str, tuple[str, ...], str, str]:
+    return (term.effect, term.where, term.variant, term.when)
+
+
+def _names(walk: Walk, own: Explanation) -> frozenset[tuple[str, tuple[str, ...], str, str]]:
+    return frozenset(_kind(walk.table.term(s)) for s in own.slots)
+
+
+def _adequate(case: Case, found: Found, pushed: tuple[Event, ...]) -> Choice:
+    """The names that are more than what the rest resembles; the others are looked at again as structure."""
+    walk, best = found.walk, found.best
+    table = walk.table
+    named = [s for s in best.slots if table.term(s).named]
+    unnamed = [s for s in best.slots if not table.term(s).named]
+    left = left_over(table, named, unnamed, case.fit_views)
+    kept = believable(table, named, unnamed, left)
+    rejected = tuple(table.term(s).label for s in named if s not in kept)
+    if rejected:
+        best = walk.score(tuple(s for s in best.slots if s in kept or s in unnamed))
+        unnamed = [s for s in best.slots if not table.term(s).named]
+        left = left_over(table, kept, unnamed, case.fit_views)
+    return Choice(case, walk, best, tuple(kept), tuple(unnamed), left, pushed, rejected)
+
+
+def ordered(choice: Choice) -> list[int]:
+    """Named slots, the one that explains most first."""
+    everything = [*choice.named, *choice.unnamed]
+    size = {s: sum(changes(choice.table, everything, s).values()) for s in choice.named}
+    return sorted(choice.named, key=lambda s: -size[s])
+
+
+def evidence_of(choice: Choice, before: Sequence[int], s: int) -> Evidence:
+    """Of a named slot of the chosen set.
 
     Args:
-        given: slots that are in the model whatever happens.
-
-    Returns:
-        the table with the refined shapes, and the slots in it, without those given.
+        before: slots that were in the model before it.
     """
-    given = list(given)
-    active: list[int] = []
-    tried: set[tuple[int, ...]] = set()
-    while len(active) < MAX_EFFECTS:
-        table, found = best(table, [*given, *active])
-        if found is None or not supported(table, [*given, *active], found):
-            table, found = companion(table, given, active)
-        if found is None:
-            break
-        active = [*active, found]
-        for _ in range(2):
-            table, active = refined(table, given, active)
-            active = pruned(table, given, swapped(table, given, active))
-        if tuple(sorted(active)) in tried:
-            break
-        tried.add(tuple(sorted(active)))
-    return table, active
+    table, walk = choice.table, choice.walk
+    columns = table.columns(before)
+    P = projected(table.G, columns)
+    excess = max(float(P[0, 0]) - table.rows, 1.0)
+    less = drop(P, table.G, table.slots[s].columns)
+    rest = walk.score(tuple(o for o in choice.best.slots if o != s))
+    by = difference(choice.best, rest)
+    return Evidence(
+        share_of_residual=float(min(1.0, less / max(excess, less, 1e-300))),
+        gain=by.gain,
+        gain_se=by.se,
+        confidence=confidence_of(table, s, list(walk.visited.values())),
+        runner_up=_runner_up(choice, s),
+    )
 
 
-def companion(table: Table, given: Sequence[int], active: Sequence[int]) -> tuple[Table, int | None]:
-    """Plain dry friction beside a Stribeck friction whose speed has grown to stand for both.
-
-    Each alone explains nearly all of the two, so that neither looks worth adding before the speed is fitted
-    anew.
-    """
-    places = {s: table.slots[s].candidate.where for s in active if _is(table, s, "friction.stribeck")}
-    for s, where in places.items():
-        own = [
-            k
-            for k, slot in enumerate(table.slots)
-            if _is(table, k, "friction.coulomb") and slot.candidate.where == where
-        ]
-        if not own or own[0] in active:
+def _runner_up(choice: Choice, s: int) -> Rival | None:
+    """The best set without the name; its first term that the chosen set does not have."""
+    table = choice.table
+    term = table.term(s)
+    mine = {(table.term(o).effect, table.term(o).where) for o in choice.best.slots}
+    for own in sorted(choice.walk.visited.values(), key=lambda e: -e.total):
+        labels = [(table.term(o).effect, table.term(o).where) for o in own.slots]
+        if (term.effect, term.where) in labels:
             continue
-        rest = [*given, *(other for other in active if other != s)]
-        finer, better = refined_one(table, [*rest, own[0]], s)
-        if supported(finer, [*rest, better], own[0]) and admissible(finer, [*active, own[0]]):
-            return finer, own[0]
-    return table, None
+        others = [label for label in labels if label not in mine]
+        if others:
+            return Rival(*others[0], margin=choice.best.total - own.total)
+    return None
 
 
-def _is(table: Table, s: int, effect: str) -> bool:
-    return table.slots[s].candidate.effect == effect
-
-
-def best(table: Table, active: Sequence[int]) -> tuple[Table, int | None]:
-    """The admissible slot of highest score; close contenders are compared at their best shapes."""
-    contenders = _contenders(table, active)
-    if not contenders:
-        return table, None
-    top = contenders[0][0]
-    for score, s in contenders[:4]:
-        if len(table.slots[s].candidate.shapes) > 1 and score > 0.6 * top:
-            table, _ = refined_one(table, active, s)
-    contenders = _contenders(table, active)
-    return table, contenders[0][1] if contenders else None
-
-
-def _contenders(table: Table, active: Sequence[int]) -> list[tuple[float, int]]:
-    """The best slot of each candidate, best first."""
-    seen: set[tuple[str, tuple[str, ...], str]] = set()
-    result: list[tuple[float, int]] = []
-    for score, s in ranking(table, active):
-        candidate = table.slots[s].candidate
-        key = (candidate.effect, candidate.where, candidate.variant)
-        if score <= 0 or len(result) >= _SHORTLIST:
-            break
-        if key not in seen and admissible(table, [*active, s]):
-            seen.add(key)
-            result.append((score, s))
-    return result
-
-
-def refined(table: Table, given: Sequence[int], active: list[int]) -> tuple[Table, list[int]]:
-    """Every non-linear parameter in `active` improved, one after another."""
-    for place, s in enumerate(active):
-        if len(table.slots[s].candidate.shapes) > 1:
-            rest = [*given, *(other for other in active if other != s)]
-            table, better = refined_one(table, rest, s)
-            active = [*active[:place], better, *active[place + 1 :]]
-    return table, active
-
-
-def refined_one(table: Table, rest: Sequence[int], s: int) -> tuple[Table, int]:
-    """Two rounds of finer shapes around the slot's own, the rest of the model given (variable projection)."""
-    candidate = table.slots[s].candidate
-    P = projected(table.G, table.columns(rest))
-    own = [k for k, slot in enumerate(table.slots) if slot.candidate is candidate]
-    s = max(own, key=lambda k: gain(P, table.G, table.slots[k].columns))
-    for _ in range(2):
-        own = [k for k, slot in enumerate(table.slots) if slot.candidate is candidate]
-        shapes = np.unique([table.slots[k].shape for k in own])
-        here = int(np.searchsorted(shapes, table.slots[s].shape))
-        left, right = shapes[max(here - 1, 0)], shapes[min(here + 1, len(shapes) - 1)]
-        if right - left < 1e-4 * abs(shapes[here]):
-            break
-        fresh = np.linspace(left, right, _FINER)[1:-1]
-        table = table.with_shapes(candidate, [float(v) for v in fresh if abs(v - shapes[here]) > 1e-12])
-        P = projected(table.G, table.columns(rest))
-        own = [k for k, slot in enumerate(table.slots) if slot.candidate is candidate]
-        s = max(own, key=lambda k: gain(P, table.G, table.slots[k].columns))
-    return table, s
-
-
-def pruned(table: Table, given: Sequence[int], active: list[int]) -> list[int]:
-    """Without the effects that the others explain away."""
-    for s in list(active):
-        rest = [other for other in active if other != s]
-        if rest and not supported(table, [*given, *rest], s):
-            active = rest
-    return active
-
-
-def swapped(table: Table, given: Sequence[int], active: list[int]) -> list[int]:
-    """Each effect replaced by a better one, given the others, while that helps."""
-    for _ in range(2):
-        for place, s in enumerate(active):
-            rest = [*given, *(other for other in active if other != s)]
-            own = score_of(table, rest, s)
-            better = next(
-                (
-                    other
-                    for score, other in ranking(table, rest)[:10]
-                    if score > own + 2.0 and admissible(table, [*rest, other])
-                ),
-                None,
-            )
-            if better is not None:
-                active = [*active[:place], better, *active[place + 1 :]]
-    return active
+__all__ = ["RULES", "Choice", "chosen", "evidence_of", "ordered"]

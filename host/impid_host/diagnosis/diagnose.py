@@ -1,138 +1,191 @@
-"""A study's diagnosis, from raw signals to stages: prepare, choose, prove, say what is left."""
+"""A study's diagnosis, from raw signals to stages: prepare, search, refit, judge, say what is left."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import replace
 
-from impid_host.diagnosis.bursts import Burst
-from impid_host.diagnosis.case import Case, Progress, prepare, silent
-from impid_host.diagnosis.findings import findings_of
-from impid_host.diagnosis.references import Reference, against_prior, against_scales
-from impid_host.diagnosis.reported import upheld_stages, withdrawn_structure
-from impid_host.diagnosis.result import Diagnosis, Finding, Floor, Stage
-from impid_host.diagnosis.rounds import bursts_of, chosen_twice, confirmed, upheld
-from impid_host.diagnosis.stages import Bench
-from impid_host.diagnosis.table import Table
-from impid_host.diagnosis.ties import ties
+import numpy as np
+
+from impid_host.diagnosis.allowance import widened
+from impid_host.diagnosis.arbitrate import arbitrated, exactly_compared
+from impid_host.diagnosis.base import baseline
+from impid_host.diagnosis.case import Progress, prepare, saturated, silent
+from impid_host.diagnosis.choice import Choice, chosen, evidence_of, ordered
+from impid_host.diagnosis.floor import PER_COLUMN, noise_floor, resolution_of
+from impid_host.diagnosis.judge import events_in_sealed, stretch_of, worse
+from impid_host.diagnosis.leftover import odd_structures
+from impid_host.diagnosis.parameters import holds_zero
+from impid_host.diagnosis.refit import Refit
+from impid_host.diagnosis.result import Chosen, Diagnosis, Evidence, Floor, Stage, Structure
+from impid_host.diagnosis.stages import Bench, named_stages, unattributed
+from impid_host.diagnosis.ties import chosen_slots
 from impid_host.diagnosis.traces import traces
-from impid_host.diagnosis.unexplained import floor_of, left_out, left_over, unknown_stage
+from impid_host.diagnosis.verdict import sentence
+from impid_host.effects.bounds import possible
+from impid_host.signals.chain import PUBLISHED_CUTOFF_HZ
 from impid_host.study.model import Study
 
 _ABOVE = 1.5  # of the noise floor: what is left is more than chance and an inexact model leave
-
-
-@dataclass(frozen=True, slots=True)
-class Choice:
-    """What was chosen, as slots of the case's table.
-
-    Attributes:
-        active: of effects; curves: without a cause; pushed: stretches that were left out for it.
-    """
-
-    case: Case
-    active: tuple[int, ...]
-    curves: tuple[int, ...]
-    pushed: tuple[Burst, ...]
+_NO_NAME = Evidence(0.0, 0.0, 0.0, 0.0)
 
 
 def diagnose(study: Study, progress: Progress = silent) -> Diagnosis:
-    """Find what the papers' model lacks, add it, and judge it on data that took no part.
+    """Find what the first model lacks, add it, and judge it on data that took no part.
 
     Raises:
         UndeterminedError: the data do not determine the robot or a load, or there is nothing to diagnose.
     """
-    choice = chosen(study, progress)
-    case, curves = choice.case, choice.curves
-    progress("judging on held-out data", 0.85)
-    bench = bench_of(case, study)
-    stages, fit, withdrawn = upheld_stages(bench, findings_of(case.table, choice.active))
-    active = still_named(case.table, choice.active, withdrawn)
-    left = left_over(case, active, curves, fit)
-    left += [withdrawn_structure(finding, stages) for finding in withdrawn]
-    first, last = stages[0].rms, stages[-1].rms
-    if left:
-        unknown, fit = unknown_stage(bench, case.table, active, curves, fit, left, last)
-        stages = (*stages, unknown)
-    told = floor_of(case, fit, left, study)
-    known = Reference() if left else references_of(case, stages[-1], study)
-    floor = floor_by_channel(told, last)
-    left += left_out(case, choice.pushed)
+    choice = chosen(prepare(study, progress), progress)
+    case = choice.case
+    progress("judging on data that took no part", 0.85)
+    bench = Bench(case, choice.table.noise.taps, study.setup.handle_mass_kg, study.setup.prior_alpha)
+    named, fit = stands(bench, named_parts(choice))
+    choice, named, fit = exactly_compared(choice, bench, named, fit)
+    verdict = arbitrated(choice, bench, dict(zip(named, fit.chosen, strict=True)), fit)
+    certain = [s for s in named if s not in verdict.open_slots]
+    stages, last = named_stages(bench, [named[s] for s in certain], _evidence(choice, certain))
+    left = [*choice.left.structures]
+    if len(stages) > 1 and worse(stages[-1].rms, stages[0].rms, stretch_of(last.chosen)):
+        left += [_not_upheld(stage) for stage in stages[1:]]
+        stages, last = stages[:1], bench.fit([])
+        verdict = replace(verdict, open_slots=(), covering=None, ties=())
+    stages, last = with_last_stage(choice, bench, named, stages, last, left, verdict.open_slots)
+    if verdict.covering is not None:
+        final = replace(stages[-1], alpha=verdict.covering.alpha, loads=verdict.covering.loads)
+        stages = (*stages[:-1], final)
+    told = floor_of(choice, last, left, study)
+    floor = {key: told.value(key) for key in stages[-1].rms}
+    above = above_floor(stages[-1], floor, left)
+    if above and (left or choice.rejected):
+        stages = (*stages[:-1], widened(stages[-1], floor))
+    notes = notes_of(choice, last, study)
     return Diagnosis(
         study=study.name,
+        baseline=baseline(study.setup, case.base.model),
         fit_trials=case.holdout.fit,
         validation_trials=case.holdout.validation,
         stages=stages,
         floor=floor,
         told=told,
-        traces=traces(bench, bench.fit([]), fit),
-        prismatic=case.base.model.name == "slide-1d",
-        share_unexplained=share_unexplained(first, last, floor),
-        above_noise_floor=bool(left) or any(last[key] > _ABOVE * floor[key] for key in last),
-        structure=tuple(left),
-        ambiguous=(*ties(case.table, active), *known.ties),
-        notes=(*notes(case, choice.pushed, study), *known.notes),
+        traces=traces(bench, bench.fit([]), last),
+        prismatic=all(case.base.model.prismatic),
+        share_unexplained=share_unexplained(stages[0].rms, stages[-1].rms, floor),
+        above_noise_floor=above,
+        structure=(*left, *odd_structures(case.oddities)),
+        ambiguous=verdict.ties,
+        verdict=sentence(stages, floor, verdict.ties, left, above, units={}, widened=bool(above and left)),
+        notes=tuple(notes),
     )
 
 
-def chosen(study: Study, progress: Progress = silent) -> Choice:
-    """The effects and curves that the fit part supports and held-out data do not speak against."""
-    case = prepare(study, progress)
-    progress("choosing", 0.7)
-    case, active, curves = chosen_twice(case)
-    pushed = bursts_of(case, [*active, *curves])
-    if pushed:
-        progress("choosing again without what stands out", 0.75)
-        case, active, curves = chosen_twice(prepare(study, pushed=pushed))
-    case, active, curves = confirmed(case, active, curves)
-    return Choice(case, tuple(upheld(case, active, curves)), tuple(curves), tuple(pushed))
+def named_parts(choice: Choice) -> dict[int, Chosen]:
+    """The chosen names, the largest first, with the values of the search."""
+    parts = dict(zip(choice.best.slots, chosen_slots(choice.table, choice.best), strict=True))
+    return {s: parts[s] for s in ordered(choice)}
 
 
-def bench_of(case: Case, study: Study) -> Bench:
-    """What the stages of this study are fitted on."""
-    prior = study.setup.prior_alpha
-    known = None if prior is None else tuple(prior)
-    return Bench(case.views, case.base, case.holdout, case.taps, study.setup.handle_mass_kg, known)
+def stands(bench: Bench, named: Mapping[int, Chosen]) -> tuple[dict[int, Chosen], Refit]:
+    """The names whose parameters are possible once everything is fitted exactly, and the fit of them."""
+    kept = dict(named)
+    while True:
+        fit = bench.fit(list(kept.values()))
+        bad = [
+            s
+            for s, part in zip(kept, fit.chosen, strict=True)
+            if not possible(part.term, part.beta, part.shape) or holds_zero(part)
+        ]
+        if not bad:
+            return kept, fit
+        # The smallest first: what it leaves may bring the others back within their bounds.
+        del kept[bad[-1]]
 
 
-def still_named(table: Table, active: Sequence[int], withdrawn: Sequence[Finding]) -> list[int]:
-    """The slots without those of the findings that were withdrawn."""
-    gone = {(f.effect, part.candidate.where) for f in withdrawn for part in f.parts}
-    return [
-        s for s in active if (table.slots[s].candidate.effect, table.slots[s].candidate.where) not in gone
-    ]
+def _evidence(choice: Choice, slots: Sequence[int]) -> list[Evidence]:
+    return [evidence_of(choice, slots[:k], s) for k, s in enumerate(slots)]
 
 
-def floor_by_channel(told: Floor, rms: Mapping[str, float]) -> dict[str, float]:
-    """The floor of every channel; where nothing tells it, the error itself."""
-    return {key: own if (own := told.value(key)) is not None else value for key, value in rms.items()}
+def with_last_stage(
+    choice: Choice,
+    bench: Bench,
+    named: Mapping[int, Chosen],
+    stages: tuple[Stage, ...],
+    last: Refit,
+    left: Sequence[Structure],
+    left_open: Sequence[int],
+) -> tuple[tuple[Stage, ...], Refit]:
+    """A last stage for what has no known cause, or has several: curves, and names that a tie leaves open."""
+    if not left and not left_open:
+        return stages, last
+    on = [row.on for row in left] or list(stages[0].rms)
+    parts = [part for part in _curves(choice) if carries_over(part)]
+    opened = [named[s] for s in left_open]
+    evidence = replace(_NO_NAME, share_of_residual=min(1.0, sum(row.share for row in left)))
+    fit = bench.fit([*last.chosen, *opened, *parts])
+    stage = bench.stage(fit, unattributed(on, parts, evidence))
+    if parts and worse(stage.rms, stages[-1].rms):
+        fit = bench.fit([*last.chosen, *opened])
+        stage = bench.stage(fit, unattributed(on, [], evidence))
+    return (*stages, stage), fit
+
+
+def carries_over(part: Chosen) -> bool:
+    """Whether a curve can be taken out: it says something of other data, and is no dynamics like alpha."""
+    return part.term.where[-1] not in ("time", "one_trial", "frequency")
+
+
+def _curves(choice: Choice) -> list[Chosen]:
+    parts = zip(choice.best.slots, chosen_slots(choice.table, choice.best), strict=True)
+    return [part for s, part in parts if s in choice.unnamed]
+
+
+def _not_upheld(stage: Stage) -> Structure:
+    """What is said of names that predict the sealed part worse: there is something, and this is not it."""
+    assert stage.added is not None
+    own = stage.added
+    joints = [name for name in own.where if name.startswith("joint")]
+    on = f"tau{joints[0][5:]}" if joints else max(stage.rms, key=lambda key: stage.rms[key])
+    none = np.zeros((0, 2))
+    words = f"something resembles {own.label}, but with it data that took no part are predicted worse"
+    return Structure("time", on, own.evidence.share_of_residual, none, none, words)
+
+
+def floor_of(choice: Choice, fit: Refit, left: Sequence[Structure], study: Study) -> Floor:
+    """What noise alone leaves in each held-out channel; the lines of what hums are no noise."""
+    case = choice.case
+    lines_Hz = [row.peak for row in left if row.variable == "frequency" and len(row.curve)]
+    seconds = sum(float(view.valid.sum()) * view.dt for view in case.views)
+    rich = saturated(case.base, choice.table.slots, round(5 * 2 * PUBLISHED_CUTOFF_HZ * seconds / PER_COLUMN))
+    used = {view.name for view in case.views}
+    logs = [(trial.robot.tau, trial.robot.force) for trial in study.trials if trial.name in used]
+    return noise_floor(case, fit, rich, lines_Hz, resolution_of(logs))
+
+
+def above_floor(last: Stage, floor: Mapping[str, float | None], left: Sequence[Structure]) -> bool | None:
+    """Whether more than noise is left; None where nothing tells the noise."""
+    if left or any(vaf < 0 for vaf in last.vaf.values()):
+        return True
+    known = {key: value for key, value in floor.items() if value is not None}
+    return any(last.rms[key] > _ABOVE * value for key, value in known.items()) if known else None
 
 
 def share_unexplained(
-    first: Mapping[str, float], last: Mapping[str, float], floor: Mapping[str, float]
+    first: Mapping[str, float], last: Mapping[str, float], floor: Mapping[str, float | None]
 ) -> float:
-    """What is above the floor with all names, as a share of the papers' residual, in units of the floor."""
-    before = sum((first[key] / floor[key]) ** 2 for key in first)
-    after = sum(max((last[key] / floor[key]) ** 2 - 1, 0.0) for key in first)
-    return float(after / before)
+    """What is above the floor with all names, as a share of the first residual, in units of the floor."""
+    level = {key: floor.get(key) or value for key, value in last.items()}
+    before = sum((first[key] / level[key]) ** 2 for key in first if level.get(key))
+    after = sum(max((last[key] / level[key]) ** 2 - 1, 0.0) for key in first if level.get(key))
+    return float(after / max(before, 1e-300))
 
 
-def references_of(case: Case, stage: Stage, study: Study) -> Reference:
-    """The prior's robot and the weighed payloads against what the last stage found."""
-    model, prior = case.base.model, study.setup.prior_alpha
-    found = Reference()
-    if prior is not None and stage.alpha_names == tuple(model.parameter_names):
-        found = against_prior(prior, model, stage.alpha)
-    weights: dict[str, set[float]] = {}
-    for trial in study.of_kind("mass-spring"):
-        weights.setdefault(trial.load, set()).add(trial.payload_kg or 0.0)
-    weighed = {load: masses.pop() for load, masses in weights.items() if len(masses) == 1}
-    felt = any(view.measured is not None for view in case.views)
-    scales = against_scales(weighed, stage, model.joints, accelerometer=felt)
-    return Reference((*found.ties, *scales.ties), (*found.notes, *scales.notes))
-
-
-def notes(case: Case, pushed: Sequence[Burst], study: Study) -> list[str]:
+def notes_of(choice: Choice, fit: Refit, study: Study) -> list[str]:
     """What a reader must know of the data that were used."""
-    words = [burst.words for burst in pushed]
+    case = choice.case
+    words = [f"{event.words}: left out of the fit" for event in choice.pushed]
+    sealed = events_in_sealed(case, fit, choice.table.noise.taps)
+    words += [f"{event.words}: it is in the error on data that took no part" for event in sealed]
+    words += [
+        f"what is left resembles {label} no more than it resembles other things" for label in choice.rejected
+    ]
     if all(view.measured is None for view in case.views):
         words.append("no accelerometer: accelerations come from the angles, and its faults cannot be seen")
     unused = [trial.name for trial in study.of_kind("stochastic")]

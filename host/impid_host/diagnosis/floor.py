@@ -8,19 +8,21 @@ propagated through the robot model and the virtual sensor, as the signals are.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import signal
 
 from impid_host.diagnosis.base import Base
-from impid_host.diagnosis.holdout import Holdout
-from impid_host.diagnosis.proof import channel, corrected
+from impid_host.diagnosis.case import Case
+from impid_host.diagnosis.correct import corrected
+from impid_host.diagnosis.holdout import FIT, SEALED
+from impid_host.diagnosis.noise import autoregression
+from impid_host.diagnosis.proof import channel
 from impid_host.diagnosis.refit import Refit
 from impid_host.diagnosis.repeats import Repeat, repeats
 from impid_host.diagnosis.result import Floor
-from impid_host.diagnosis.rows import Index, Run, build_runs
-from impid_host.diagnosis.whiten import autoregression
+from impid_host.diagnosis.rows import Index, Key, Run, Slot, rows_of, slots_of
 from impid_host.effects.view import ANGLE, View
 from impid_host.signals.arrays import Floats, Mask
 
@@ -42,11 +44,9 @@ class _Noise:
 
 
 def noise_floor(
+    case: Case,
     fit: Refit,
-    base: Base,
-    holdout: Holdout,
-    runs: Sequence[Run],
-    columns: Sequence[int],
+    rich: Sequence[Slot],
     lines_Hz: Sequence[float] = (),
     resolution: Mapping[str, Floats] | None = None,
 ) -> Floor:
@@ -54,18 +54,25 @@ def noise_floor(
 
     Args:
         fit: effects that are taken out first; what they miss, the columns take.
-        runs: raw rows of the saturated regression; columns: which of their columns.
+        rich: terms of the saturated regression.
         lines_Hz: of what hums, which has no column there.
         resolution: smallest steps in the logs by family, (c,).
     """
-    plain = [run for view in fit.views for run in build_runs(corrected(view, fit.chosen), base, [], holdout)]
+    plain = _runs(case, fit, rich)
     again = [_repeated(repeat, plain[0].step_s) for repeat in repeats(plain, fit.views, fit.base)]
     steps = [_specified(view, resolution or {}) for view in fit.views]
     return Floor(
-        _rms(_noise(fit, base, plain, runs, columns, lines_Hz), fit, base),
-        _rms([part for part in again if part is not None], fit, base),
-        _rms(steps, fit, base),
+        _rms(_noise(fit, plain, lines_Hz), fit, case.base),
+        _rms([part for part in again if part is not None], fit, case.base),
+        _rms(steps, fit, case.base),
     )
+
+
+def _runs(case: Case, fit: Refit, rich: Sequence[Slot]) -> list[Run]:
+    """Raw rows of both parts with the effects taken out, and the saturated regression's columns."""
+    slots = slots_of([replace(slot.term, shapes=(slot.shape,)) for slot in rich])
+    cleaned = [corrected(view, fit.chosen) for view in fit.views]
+    return [run for view in cleaned for run in rows_of(view, case.base, slots, case.holdout, (FIT, SEALED))]
 
 
 def _rms(parts: Sequence[_Noise], fit: Refit, base: Base) -> dict[str, float]:
@@ -104,41 +111,30 @@ def _specified(view: View, resolution: Mapping[str, Floats]) -> _Noise:
     return _Noise(view, place, by_family)
 
 
-def _noise(
-    fit: Refit,
-    base: Base,
-    plain: Sequence[Run],
-    runs: Sequence[Run],
-    columns: Sequence[int],
-    lines_Hz: Sequence[float],
-) -> list[_Noise]:
-    extra = {_name(run): run for run in runs}
-    by_key: dict[tuple[str, int], list[tuple[Run, Floats, Floats]]] = {}
-    keep = [k for k in columns if k >= base.size]
-    trials = sorted({run.trial for run in plain})
+def _noise(fit: Refit, runs: Sequence[Run], lines_Hz: Sequence[float]) -> list[_Noise]:
+    by_key: dict[Key, list[tuple[Run, Floats, Floats]]] = {}
+    trials = sorted({run.trial for run in runs})
+    width = max((int(run.used.max()) + 1 for run in runs if len(run.used)), default=0)
     report = fit.views[0].report_hz
-    for run in plain:
-        other = extra.get(_name(run))
-        if run.family == ANGLE or other is None or len(other.target) != len(run.target):
+    for run in runs:
+        if run.family == ANGLE:
             continue
-        hum = _hum(run, trials, lines_Hz)
-        narrow = _narrow(
-            np.column_stack([run.target, run.design, other.design[:, keep], hum]), run.step_s, report
-        )
+        stacked = [run.target, run.base, run.columns(np.arange(width)), _hum(run, trials, lines_Hz)]
+        narrow = _narrow(np.column_stack(stacked), run.step_s, report)
         if narrow is not None:
             by_key.setdefault(run.key, []).append((run, narrow[0], run.begin_s + narrow[1]))
-    left: dict[str, dict[tuple[str, int], list[Floats]]] = {}
-    for key, parts in by_key.items():
-        held = np.concatenate([np.full(len(rows), run.part == "validation") for run, rows, _ in parts])
-        series = _noise_series([rows for _, rows, _ in parts], held)
-        for (run, _, place), own in zip(parts, series, strict=True):
-            if run.part == "validation":
-                left.setdefault(run.trial, {}).setdefault(key, []).append(np.column_stack([place, own]))
+    left: dict[str, dict[Key, list[Floats]]] = {}
+    for key, own in by_key.items():
+        held = np.concatenate([np.full(len(rows), run.part == SEALED) for run, rows, _ in own])
+        series = _noise_series([rows for _, rows, _ in own], held)
+        for (run, _, place), noise in zip(own, series, strict=True):
+            if run.part == SEALED:
+                left.setdefault(run.trial, {}).setdefault(key, []).append(np.column_stack([place, noise]))
     views = {view.name: view for view in fit.views}
     return [_of_trial(views[trial], channels) for trial, channels in left.items()]
 
 
-def _of_trial(view: View, channels: Mapping[tuple[str, int], Sequence[Floats]]) -> _Noise:
+def _of_trial(view: View, channels: Mapping[Key, Sequence[Floats]]) -> _Noise:
     joined = {key: np.concatenate(parts) for key, parts in channels.items()}
     families = {family for family, _ in joined}
     place = np.round(next(iter(joined.values()))[:, 0] / view.dt).astype(int)
@@ -151,18 +147,14 @@ def _of_trial(view: View, channels: Mapping[tuple[str, int], Sequence[Floats]]) 
 
 def _hum(run: Run, trials: Sequence[str], lines_Hz: Sequence[float]) -> Floats:
     """Lines in either part of each trial by themselves, growing or waning: columns, (N, k)."""
-    t = run.begin_s + run.step_s * np.arange(len(run.target))
+    t = run.times
     block = np.zeros((len(t), 2 * len(trials), 4 * len(lines_Hz)))
     for k, frequency in enumerate(lines_Hz):
         c, s = np.cos(2 * np.pi * frequency * t), np.sin(2 * np.pi * frequency * t)
         u = (t - t.mean()) / max(float(np.ptp(t)), 1e-9)
-        place = 2 * trials.index(run.trial) + (run.part == "fit")
+        place = 2 * trials.index(run.trial) + (run.part == FIT)
         block[:, place, 4 * k : 4 * k + 4] = np.stack([c, s, u * c, u * s], axis=1)
     return block.reshape(len(t), -1)
-
-
-def _name(run: Run) -> tuple[str, str, int, str, float]:
-    return (run.trial, run.family, run.channel, run.part, round(run.begin_s, 6))
 
 
 def _narrow(rows: Floats, step_s: float, cutoff_hz: float) -> tuple[Floats, Floats] | None:
@@ -194,7 +186,7 @@ def _noise_series(parts: Sequence[Floats], held: Mask) -> list[Floats]:
     generator = np.random.default_rng(0)
     share = 1.0 - U.shape[1] / len(residual)
     for _ in range(_ROUNDS if held.any() else 0):
-        taps = autoregression([r / np.sqrt(share) for r in np.split(residual, cuts)], 0.0)
+        taps = autoregression([r / np.sqrt(share) for r in np.split(residual, cuts)])
         draws = np.concatenate(
             [
                 signal.lfilter([1.0], taps, generator.normal(size=(len(p) + 50, _DRAWS)), axis=0)[50:]
@@ -217,8 +209,7 @@ def _propagated(noise: _Noise, fit: Refit, base: Base, *, free: bool) -> dict[st
         turn = np.stack([np.stack([c, -s], axis=1), np.stack([s, c], axis=1)], axis=1)
         along = np.einsum("kij,kj->ki", turn, felt)
     J = view.J[k]
-    robot = len(base.model.parameter_names)
-    inertia = _inertia(base, view.theta[k], fit.base[:robot])
+    inertia = _inertia(base, view.theta[k], fit.base[: base.robot])
     through = None if along is None else np.linalg.solve(J, along[:, :, None])[:, :, 0]
     by_acc = None if through is None else np.einsum("kij,kj->ki", inertia, through)
     torque = tau**2 if by_acc is None else tau**2 + by_acc**2
@@ -250,12 +241,12 @@ def _propagated(noise: _Noise, fit: Refit, base: Base, *, free: bool) -> dict[st
 def _inertia(base: Base, theta: Floats, alpha: Floats) -> Floats:
     """Joint inertia matrices by the robot's regressor, (N, n, n)."""
     still = np.zeros_like(theta)
-    level = base.model.regressor(theta, still, still) @ alpha
+    level = base.structure.regressor(theta, still, still) @ alpha
     columns = []
     for joint in range(theta.shape[1]):
         unit = still.copy()
         unit[:, joint] = 1.0
-        columns.append(base.model.regressor(theta, still, unit) @ alpha - level)
+        columns.append(base.structure.regressor(theta, still, unit) @ alpha - level)
     return np.stack(columns, axis=2)
 
 

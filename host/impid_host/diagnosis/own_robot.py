@@ -67,7 +67,7 @@ def given_robot(base: Base, prior: Sequence[float] | None) -> RobotParameters:
     Raises:
         UndeterminedError: there is no prior, or it is of another model.
     """
-    structure = RobotStructure(base.model)
+    structure = base.structure
     size = len(structure.parameter_names)
     none = np.zeros((size, size))
     if base.bare:

@@ -5,28 +5,23 @@ from dataclasses import replace
 
 import numpy as np
 
-from impid_host.clock.robot import RobotClockFit, match_clocks
 from impid_host.diagnosis.band import WIDEST_HZ, band_hz, quick_band_hz
 from impid_host.diagnosis.base import Base
 from impid_host.diagnosis.oddities import Oddity, odd_rows
 from impid_host.effects.effect import Setting
 from impid_host.effects.view import View, rate_of, rotated
 from impid_host.errors import UndeterminedError
-from impid_host.impedance.loads import ROTARY_AXES
 from impid_host.robot.model import RobotModel
-from impid_host.signals.align import device_angles, robot_rows, sensor_angle
+from impid_host.signals.align import base_frame_force, raw_signals, robot_rows, sensor_angle
 from impid_host.signals.arrays import Floats, Mask
 from impid_host.signals.chain import PUBLISHED_CUTOFF_HZ
-from impid_host.signals.counts import longest_run, specific_force, usable_samples
 from impid_host.signals.filters import ZeroPhaseLowPass
-from impid_host.signals.resample import bridged, common_grid, nominal_rate, onto_grid
-from impid_host.study.model import RobotLog, Setup, Study, Trial
+from impid_host.study.model import Setup, Study, Trial
 
 VIEW_RATE_HZ = 250.0
 _OPEN_S = 0.1
+_OF_RATE = 0.4  # of the slower log: above, it says nothing
 _WIDE = ZeroPhaseLowPass(order=4, cutoff_hz=60.0)
-
-Signals = dict[str, Floats | None]
 
 
 def views(study: Study, model: RobotModel) -> tuple[list[View], list[Oddity]]:
@@ -45,8 +40,8 @@ def views(study: Study, model: RobotModel) -> tuple[list[View], list[Oddity]]:
         bad, found = odd_rows(trial.name, robot_rows(trial.robot))
         result.append(view_of(trial, study.setup, model, bad))
         oddities += found
-    cutoff = band_hz(result)
-    if tuple(model.task_axes) == ROTARY_AXES:
+    cutoff = min(band_hz(result), *(_OF_RATE * view.meeting_hz for view in result))
+    if model.task_is_rotary:
         cutoff = quick_band_hz(result)
         report = max(PUBLISHED_CUTOFF_HZ, cutoff if cutoff > WIDEST_HZ else 0.0)
         return [replace(view, cutoff_hz=cutoff, report_hz=report) for view in result], oddities
@@ -59,10 +54,13 @@ def view_of(trial: Trial, setup: Setup, model: RobotModel, bad: Mask) -> View:
     Raises:
         UndeterminedError: its clocks cannot be matched, or less than 2 s are left.
     """
-    signals, valid, rate = _on_grid(trial, setup, ~bad)
+    log = robot_rows(trial.robot)
+    believed = replace(trial, robot=replace(log, tau=np.where(bad[:, None], np.nan, log.tau)))
+    # Clocks that wander are to be found, not refused: the match may leave more open than elsewhere.
+    raw = raw_signals(believed, setup, widest_s=_OPEN_S)
+    rate = raw.grid.rate_hz
     step = max(1, round(rate / VIEW_RATE_HZ))
-    wide = {name: _widely(values, rate) for name, values in signals.items() if values is not None}
-    theta = wide["theta"]
+    theta = _widely(raw.theta, rate)
     omega, acc = rate_of(theta, 1 / rate), rate_of(rate_of(theta, 1 / rate), 1 / rate)
     some = slice(None, None, step)
     theta, omega, acc = theta[some], omega[some], acc[some]
@@ -70,16 +68,20 @@ def view_of(trial: Trial, setup: Setup, model: RobotModel, bad: Mask) -> View:
     v = np.einsum("kij,kj->ki", J, omega)
     a = np.einsum("kij,kj->ki", J, acc) + np.einsum("kij,kj->ki", model.jacobian_rate(theta, omega), omega)
     count = len(theta)
-    measured, angle = None, None
+    measured, angle, force = None, None, None
     turn = np.zeros(count)
     turn_rate = np.zeros(count)
-    if "measured" in wide and setup.accelerometer is not None and len(model.task_axes) == 2:
-        measured = wide["measured"][some]
+    axes = len(model.task_axes)
+    planar = axes == model.joints == 2
+    if raw.specific_force is not None and setup.accelerometer is not None and planar:
+        measured = _widely(raw.specific_force, rate)[some]
         angle = sensor_angle(theta, setup.accelerometer, model)
         if setup.accelerometer.mount == "link2":
             turn, turn_rate = model.tip_turn(omega), model.tip_turn(acc)
-    robot = wide["theta_robot"][some] if "theta_robot" in wide else None
-    axes = len(model.task_axes)
+    if raw.force is not None and axes == 2:
+        # fx and fy are forces in the plane; another robot has no axes for them.
+        in_base = base_frame_force(raw.force, raw.theta, setup.force_sensor, model)
+        force = _widely(in_base, rate)[some]
     return View(
         name=trial.name,
         kind=trial.kind,
@@ -89,7 +91,7 @@ def view_of(trial: Trial, setup: Setup, model: RobotModel, bad: Mask) -> View:
         theta=theta,
         omega=omega,
         acc=acc,
-        tau=wide["tau"][some],
+        tau=_widely(raw.tau, rate)[some],
         x=model.position(theta),
         v=v,
         a=a,
@@ -99,86 +101,51 @@ def view_of(trial: Trial, setup: Setup, model: RobotModel, bad: Mask) -> View:
         predicted=None if angle is None else rotated(a - np.array(model.plane_gravity_m_s2), -angle),
         turn=turn,
         turn_rate=turn_rate,
-        theta_robot=robot,
-        # fx and fy are forces in the plane; another robot has no axes for them.
-        force=wide["force"][some] if "force" in wide and axes == 2 else None,
+        theta_robot=None if raw.theta_robot is None else _widely(raw.theta_robot, rate)[some],
+        force=force,
         torque_model=np.zeros_like(theta),
         x0=np.zeros(axes),
         K=np.zeros((axes, axes)),
-        valid=valid[some],
+        valid=raw.valid[some],
+        meeting_hz=rate / raw.thin,
         model=model,
+        zero_rad=np.zeros(model.joints) if setup.encoder is None else np.array(setup.encoder.zero_rad),
     )
 
 
-def setting_of(parts: Sequence[View], base: Base) -> Setting:
-    """What of the apparatus and the motion decides which candidates make sense."""
+def setting_of(parts: Sequence[View], base: Base, *, referenced: bool) -> Setting:
+    """What of the apparatus and the motion decides which terms make sense.
+
+    Args:
+        referenced: a weighed payload or an earlier robot is known.
+    """
     model = base.model
     theta = np.concatenate([view.theta[view.valid] for view in parts])
     omega = np.concatenate([np.abs(view.omega[view.valid]) for view in parts])
-    reach = max((float(np.ptp(view.x[view.valid], axis=0).max()) for view in parts if view.load), default=0.0)
-    planar = len(model.task_axes) == 2
+    loaded = [view for view in parts if view.load is not None]
     return Setting(
         joints=model.joints,
         slides=model.prismatic,
-        planar=planar,
+        planar=len(model.task_axes) == 2,
         axes=len(model.task_axes),
-        rotary_load=tuple(model.task_axes) == ROTARY_AXES,
+        rotary_load=model.task_is_rotary,
         bare=base.bare,
+        gravity=model.has_gravity,
+        links_m=model.link_lengths_m,
         span=np.maximum(np.ptp(theta, axis=0), 1e-6),
         speed=np.maximum(np.percentile(omega, 95, axis=0), 1e-6),
-        reach=reach,
-        springs=tuple(sorted({view.load for view in parts if view.load and view.kind == "mass-spring"})),
-        arms=tuple(sorted({view.load for view in parts if view.load and view.kind == "arm"})),
+        reach=max((float(np.ptp(view.x[view.valid], axis=0).max()) for view in loaded), default=0.0),
+        springs=tuple(sorted({str(view.load) for view in loaded if view.kind == "mass-spring"})),
+        arms=tuple(sorted({str(view.load) for view in loaded if view.kind == "arm"})),
+        trials=tuple(view.name for view in parts),
+        loaded=tuple(view.name for view in loaded),
         accelerometer=any(view.measured is not None for view in parts),
         second_clock=any(view.theta_robot is not None for view in parts),
-        force_sensor=any(view.force is not None and view.load for view in parts),
+        force_sensor=any(view.force is not None for view in loaded),
+        referenced=referenced,
         duration_s=max(float(view.t[-1]) for view in parts),
     )
 
 
 def _widely(values: Floats, rate_hz: float) -> Floats:
     return values if rate_hz < 4 * _WIDE.cutoff_hz else _WIDE.apply(values, rate_hz)
-
-
-def _matched(trial: Trial, t_device: Floats, theta_device: Floats, log: RobotLog) -> RobotClockFit:
-    """Clocks that wander are to be found, not refused: the match may leave more open than elsewhere."""
-    joints = theta_device.shape[1]
-    try:
-        return match_clocks(t_device, theta_device, log.t, log.theta[:, :joints], widest_s=_OPEN_S)
-    except UndeterminedError as error:
-        raise UndeterminedError(f"trial {trial.name}: {error}") from error
-
-
-def _on_grid(trial: Trial, setup: Setup, good: Mask) -> tuple[Signals, Mask, float]:
-    log = robot_rows(trial.robot)
-    every = np.ones(len(log), dtype=bool)
-    if trial.device is None:
-        rate = nominal_rate(log.t)
-        grid = common_grid(log.t[0], log.t[-1], rate)
-        signals: Signals = {
-            "theta": onto_grid(log.t, log.theta, every, grid),
-            "tau": onto_grid(log.t, log.tau, good, grid),
-            "force": None if log.force is None else onto_grid(log.t, log.force, every, grid),
-        }
-        return signals, bridged(log.t, good, grid), rate
-    t_device, theta_device = device_angles(trial.device, setup)
-    clock = _matched(trial, t_device, theta_device, log)
-    t_robot = clock.to_device(log.t)
-    rate = nominal_rate(t_device)
-    grid = common_grid(max(t_device[0], t_robot[0]), min(t_device[-1], t_robot[-1]), rate)
-    usable = np.ones(len(t_device), dtype=bool)
-    joints = theta_device.shape[1]
-    signals = {
-        "theta": onto_grid(t_device, theta_device, usable, grid),
-        "tau": onto_grid(t_robot, log.tau, good, grid),
-        "theta_robot": onto_grid(t_robot, log.theta[:, :joints], every, grid),
-        "force": None if log.force is None else onto_grid(t_robot, log.force, every, grid),
-        "measured": None,
-    }
-    if setup.accelerometer is not None:
-        part = longest_run(trial.device)
-        names = ("t_us", "seq", "ax", "ay", "enc1", "enc2", "flags")
-        run = type(trial.device)(**{name: getattr(trial.device, name)[part] for name in names})
-        felt = specific_force(run, setup.accelerometer)[usable_samples(run)]
-        signals["measured"] = onto_grid(t_device, felt, usable, grid)
-    return signals, bridged(t_device, usable, grid) & bridged(t_robot, good, grid), rate

@@ -5,17 +5,19 @@ what the papers' model gives, and every later stage is the same with corrected s
 """
 
 from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
 
 from impid_host.diagnosis.base import Base
-from impid_host.diagnosis.findings import parameters_of
-from impid_host.diagnosis.holdout import Holdout, settled
+from impid_host.diagnosis.correct import corrected
+from impid_host.diagnosis.holdout import FIT, SEALED, Holdout, settled
 from impid_host.diagnosis.own_robot import estimate_robot, given_robot, shows_robot
-from impid_host.diagnosis.parameters import at, moves, vector_of
+from impid_host.diagnosis.parameters import at, parameters_of, vector_of
 from impid_host.diagnosis.result import Chosen, Number
+from impid_host.effects.catalogue import CATALOGUE
 from impid_host.effects.encoder import resynchronised
 from impid_host.effects.view import View
 from impid_host.impedance.identify import RobotParameters, physical_equation, robot_equation, virtual_equation
@@ -23,42 +25,13 @@ from impid_host.impedance.linear import Estimate, Stretch, fit_linear
 from impid_host.impedance.loads import LoadModel
 from impid_host.impedance.matrices import load_matrices
 from impid_host.impedance.rows import SERIES_RATE_HZ, Equation, series, stretches
-from impid_host.robot.terms import RobotStructure
 from impid_host.signals.align import AlignedTrial, base_frame_acceleration, joint_acceleration
 from impid_host.signals.arrays import Floats
 from impid_host.signals.chain import DEFAULT, PUBLISHED_CUTOFF_HZ, Chain
 
-_OF_LOAD = {"load.coupling": ("K", "M"), "load.damping": ("B",)}
 Numbers = tuple[
     Number, Mapping[str, Mapping[str, Number]], dict[str, float], dict[str, float], tuple[str, ...]
 ]
-
-
-def corrected(view: View, chosen: Sequence[Chosen]) -> View:
-    """The trial as it would have been measured without the chosen effects."""
-    for part in chosen:
-        if part.candidate.undo is not None:
-            view = _undone(view, part)
-    for part in chosen:
-        if part.candidate.undo is not None:
-            continue
-        columns = part.candidate.columns(view, part.shape)
-        if "torque" in columns:
-            view = replace(view, tau=view.tau - columns["torque"] @ part.beta)
-        if "specific_force" in columns and view.measured is not None:
-            view = replace(view, measured=view.measured - columns["specific_force"] @ part.beta)
-        if "force" in columns and view.force is not None:
-            view = replace(view, force=view.force + columns["force"] @ part.beta)
-    return view
-
-
-def _undone(view: View, part: Chosen) -> View:
-    assert part.candidate.undo is not None
-    result = part.candidate.undo(view, part.beta)
-    if result.theta_robot is None or result.theta is view.theta:
-        return result
-    # The controller reads the same encoders.
-    return replace(result, theta_robot=result.theta_robot + result.theta - view.theta)
 
 
 def in_time(view: View, chosen: Sequence[Chosen]) -> View:
@@ -66,7 +39,7 @@ def in_time(view: View, chosen: Sequence[Chosen]) -> View:
 
     Matching clocks is part of alignment, and needs no torque.
     """
-    drifts = any(part.candidate.effect == "clock.drift" for part in chosen)
+    drifts = any(CATALOGUE[part.term.effect].acts_on == "clock" for part in chosen if part.term.named)
     return resynchronised(view) if drifts else view
 
 
@@ -152,10 +125,10 @@ def report(
         for key, error in errors.items()
     }
     loads = {
-        name: total(load, _load_numbers(load, fit.loads[name], handle_mass_kg), chosen)
+        name: total(load, name, _load_numbers(load, fit.loads[name], handle_mass_kg), chosen)
         for name, load in base.loads
     }
-    names = base.model.parameter_names if fit.alpha is None else fit.alpha.names
+    names = base.structure.parameter_names if fit.alpha is None else fit.alpha.names
     return _alpha_number(fit), loads, rms, vaf, names
 
 
@@ -200,22 +173,23 @@ def _error(residual: Floats, spread: float) -> _Error:
     return _Error(float(np.sqrt(np.mean(residual**2))), float(np.var(residual)), spread)
 
 
-def total(load: LoadModel, own: dict[str, Number], chosen: Sequence[Chosen]) -> dict[str, Number]:
+def total(load: LoadModel, name: str, own: dict[str, Number], chosen: Sequence[Chosen]) -> dict[str, Number]:
     """A load's matrices with what effects of the load add to them: the load's own model is not all of it."""
     d = len(load.axes)
     result = dict(own)
     for part in chosen:
-        letters = _OF_LOAD.get(part.candidate.effect, ())
+        letters = CATALOGUE[part.term.effect].adds_to if part.term.named else ()
         numbers = parameters_of(part) if letters and load.name == "mass-spring" else {}
         for letter in letters:
-            if letter not in numbers:
+            more = numbers.get(letter)
+            if more is not None and not isinstance(more, Number):
+                more = more.get(name)
+            if more is None:
                 continue
-            more = numbers[letter]
-            half = _square(0.5 * (more.ci95[..., 1] - more.ci95[..., 0]), d)
-            value = _square(more.value, d)
+            half, value = _square(more.half, d), _square(more.value, d)
             if letter in result:
                 before = result[letter]
-                half = np.hypot(half, 0.5 * (before.ci95[..., 1] - before.ci95[..., 0]))
+                half = np.hypot(half, before.half)
                 value = value + before.value
             result[letter] = Number(value, np.stack([value - half, value + half], axis=-1), more.unit)
     return result
@@ -239,10 +213,17 @@ def fitted(
     base: Base,
     holdout: Holdout,
     prior: Sequence[float] | None,
+    ar_order: int | None = None,
 ) -> StageFit:
+    """Robot and loads by the estimators of `fit`, with the chosen effects taken out of the signals.
+
+    Args:
+        ar_order: highest order of the residual's autoregression; the chain's where it is None.
+    """
     chain = chain_of(views[0])
+    chain = chain if ar_order is None else replace(chain, ar_order=ar_order)
     pairs = [(view, aligned(in_time(corrected(view, chosen), chosen))) for view in views]
-    structure = RobotStructure(base.model)
+    structure = base.structure
     known = prior is not None and all(view.load is not None for view in views)
     shown = [] if known else shows_robot(pairs)
     own = [(view, robot_equation(trial, structure, chain)) for view, trial in shown]
@@ -282,25 +263,29 @@ def _widened(
     """The fit, with the effects' uncertainty propagated into its covariances.
 
     What is left of the effects' errors is orthogonal to the errors at known effects (partitioned least
-    squares), so the two covariances add.
+    squares), so the two covariances add. Slopes by ordinary least squares, whose weights do not move.
     """
-    vector, size = vector_of(chosen), moves(chosen, np.sqrt(np.diag(covariance)))
-    moved = []
-    for k in range(len(vector)):
-        step = np.zeros_like(vector)
-        step[k] = size[k]
-        other = fitted(views, at(chosen, vector + step), base, holdout, prior)
-        moved.append((other, step[k]))
+    vector, sd = vector_of(chosen), np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    size = np.maximum(sd, np.maximum(1e-9 * np.abs(vector), 1e-15))
 
-    def wider(own: Estimate, others: Sequence[Estimate]) -> Estimate:
-        pairs = zip(others, moved, strict=True)
-        slope = np.stack([(other.value - own.value) / step for other, (_, step) in pairs], axis=1)
+    def plainly(present: Sequence[Chosen]) -> StageFit:
+        return fitted(views, present, base, holdout, prior, ar_order=0)
+
+    with ThreadPoolExecutor(2) as pool:
+        steps = [at(chosen, vector + size[k] * np.eye(len(vector))[k]) for k in range(len(vector))]
+        center, *moved = pool.map(plainly, [chosen, *steps])
+
+    def wider(own: Estimate, here: Estimate, others: Sequence[Estimate]) -> Estimate:
+        slope = np.stack([(o.value - here.value) / s for o, s in zip(others, size, strict=True)], axis=1)
         return replace(own, covariance=own.covariance + slope @ covariance @ slope.T)
 
     alpha = None
-    if fit.alpha is not None:
-        alpha = wider(fit.alpha, [other.alpha for other, _ in moved if other.alpha is not None])
-    loads = {name: wider(own, [other.loads[name] for other, _ in moved]) for name, own in fit.loads.items()}
+    if fit.alpha is not None and center.alpha is not None:
+        alpha = wider(fit.alpha, center.alpha, [other.alpha for other in moved if other.alpha is not None])
+    loads = {
+        name: wider(own, center.loads[name], [other.loads[name] for other in moved])
+        for name, own in fit.loads.items()
+    }
     return replace(fit, alpha=alpha, loads=loads)
 
 
@@ -326,7 +311,7 @@ def _rows(equations: Sequence[tuple[View, Equation]], holdout: Holdout, chain: C
     return [
         stretch
         for view, equation in equations
-        for stretch in stretches(equation, holdout.mask(view, "fit") & equation.trial.valid, chain)
+        for stretch in stretches(equation, holdout.mask(view, FIT) & equation.trial.valid, chain)
     ]
 
 
@@ -339,7 +324,7 @@ def _held(
     """Target (of the equations `of`, where given) and residual on the held-out rows, (N, c) each."""
     targets, residuals = [], []
     for index, (view, equation) in enumerate(equations):
-        part = series(equation, value, holdout.mask(view, "validation") & equation.trial.valid)
+        part = series(equation, value, holdout.mask(view, SEALED) & equation.trial.valid)
         rows = part.held_out
         other = equation if of is None else of[index][1]
         targets.append(other.target[:: max(1, round(view.rate_hz / SERIES_RATE_HZ))][rows])

@@ -1,31 +1,31 @@
-"""The chosen effects' parameters, non-linear ones included, fitted once more together on corrected signals.
+"""The chosen terms' parameters, non-linear ones included, fitted once more together on corrected signals.
 
-The choice linearises every effect about the papers' fit. Here the effects are taken out where they act, and
-robot, loads and effects are fitted together by Gauss-Newton (Golub and Pereyra, Inverse Problems 19, 2003,
-variable projection, in Kaufman's form), on the same whitened rows of the fit part.
+The search linearises every effect about the first model. Here the effects are taken out where they act, and
+robot, loads and effects are fitted together by Gauss-Newton (Golub and Pereyra, Inverse Problems 19, 2003),
+on the whitened rows of the fit part.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import stats
 
-from impid_host.diagnosis.base import Base
-from impid_host.diagnosis.holdout import Holdout
-from impid_host.diagnosis.parameters import at, has_shape, moves, parted, vector_of, with_fine
-from impid_host.diagnosis.proof import corrected
+from impid_host.diagnosis.case import Case
+from impid_host.diagnosis.correct import corrected
+from impid_host.diagnosis.noise import BLOCK_S, Taps, whitened
+from impid_host.diagnosis.parameters import at, count_of, fits_shape, parted, vector_of
 from impid_host.diagnosis.result import Chosen
-from impid_host.diagnosis.rows import Run, Taps, build_runs
-from impid_host.diagnosis.support import BLOCK_S
-from impid_host.diagnosis.whiten import whitened
-from impid_host.effects.view import View
+from impid_host.diagnosis.rows import REFERENCE, Index, Key, Run, rows_of, slots_of
+from impid_host.effects.bounds import possible
+from impid_host.effects.effect import Term
+from impid_host.effects.view import Columns, View
 from impid_host.signals.arrays import Floats
 
 _ROUNDS = 5
-_SETTLED = 0.02  # of a standard deviation
-_STEP = 0.2  # of a standard deviation, for the slopes
+_SETTLED = 0.05  # of a standard deviation
 _HALVINGS = 3
+_STEP = 0.01  # of a shape, for its slope
 _REACH = 2.0  # a shape may leave its grid by this factor
 
 
@@ -34,170 +34,178 @@ class Refit:
     """Effects fitted together.
 
     Attributes:
-        views: with the model of this fit in them.
+        views: with the model of this fit in them, the effects still in the signals.
         chosen: with their values.
         covariance: (k, k) of all effects' parameters in order, see parameters.vector_of.
         base: value of the robot's and the loads' parameters, (b,).
+        deviance: -2 log likelihood with each channel's noise level its own, in the units of the logs as they were
+            measured, up to a constant.
     """
 
     views: tuple[View, ...]
     chosen: tuple[Chosen, ...]
     covariance: Floats
     base: Floats
+    deviance: float
 
 
 @dataclass(frozen=True, slots=True)
 class _Rows:
-    """Whitened rows of the fit part: target (N,), design (N, b); block of time of each row, (N,)."""
+    """Whitened rows of the fit part: target (N,), base (N, b), slopes of the effects' parameters (N, k).
+
+    Attributes:
+        block: number of each row's block of time, (N,); channel: number of its channel, (N,);
+        count: rows by channel, in the order of their numbers.
+    """
 
     target: Floats
-    design: Floats
+    base: Floats
+    slopes: Floats
     block: Floats
+    channel: Index
+    count: dict[Key, int]
 
 
-def refit(views: Sequence[View], chosen: Sequence[Chosen], base: Base, holdout: Holdout, taps: Taps) -> Refit:
-    """Gauss-Newton from the choice's values; where it leads nowhere better, those stay."""
-    first = _fine(views, tuple(chosen), base, holdout, taps)
-    vector, sd = vector_of(first), _first_guess(first)
-    views, rows, value = _informed(views, first, base, holdout, taps)
-    cost = _cost(rows, value)
-    covariance = np.diag(sd**2)
-    for _ in range(_ROUNDS if len(first) else 0):
-        slopes = _slopes(views, at(first, vector), value, sd, base, holdout, taps)
-        step, covariance = _solve(rows, value, slopes)
-        sd = np.sqrt(np.diag(covariance))
+def refit(case: Case, chosen: Sequence[Chosen], taps: Taps) -> Refit:
+    """Gauss-Newton from the search's values; where it leads nowhere better, those stay."""
+    views, chosen = case.views, tuple(chosen)
+    vector = vector_of(chosen)
+    rows = _rows(case, views, chosen, taps)
+    value, cost = _base_value(rows)
+    covariance = np.zeros((len(vector), len(vector)))
+    by_model = any(part.term.by_model for part in chosen)
+    for _ in range(_ROUNDS if chosen else 0):
+        if by_model:
+            views = _informed(case, views, chosen, value)
+            rows = _rows(case, views, at(chosen, vector), taps)
+            value, cost = _base_value(rows)
+        step, covariance, value = _solved(rows)
+        sd = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
         for halving in range(_HALVINGS + 1):
             trial = vector + step * 0.5**halving
-            if not _possible(at(first, trial)):
+            if not _possible(at(chosen, trial)):
                 continue
-            moved = _informed(views, at(first, trial), base, holdout, taps)
-            if (now := _cost(moved[1], moved[2])) <= cost * (1 + 1e-9):
-                (views, rows, value), vector, cost = moved, trial, now
+            moved = _rows(case, views, at(chosen, trial), taps)
+            there, now = _base_value(moved)
+            if now <= cost * (1 + 1e-9):
+                rows, value, vector, cost = moved, there, trial, now
                 break
         else:
             break
-        if np.all(np.abs(step) < _SETTLED * moves(first, sd)):
+        if np.all(np.abs(step) < _SETTLED * sd):
             break
-    chosen = at(first, vector)
-    return Refit(tuple(views), parted(covariance, chosen), covariance, value)
+    chosen = at(chosen, vector)
+    if chosen:
+        covariance = _solved(rows)[1]
+    views = tuple(_informed(case, views, chosen, value))
+    deviance = _deviance(rows, value) - 2.0 * _log_stretch(chosen, rows)
+    return Refit(views, parted(covariance, chosen), covariance, value, deviance)
 
 
-def _fine(
-    views: Sequence[View], chosen: tuple[Chosen, ...], base: Base, holdout: Holdout, taps: Taps
-) -> tuple[Chosen, ...]:
-    """The parts, with the best of the first guesses of their fine parameters."""
-    for place, part in enumerate(chosen):
-        if part.candidate.finer is None:
-            continue
-        tried = []
-        for value in part.candidate.fines:
-            other = (*chosen[:place], with_fine(part, value), *chosen[place + 1 :])
-            rows = _rows(views, other, base, holdout, taps)
-            tried.append((_cost(rows, _base_value(rows)), value))
-        chosen = (*chosen[:place], with_fine(part, min(tried)[1]), *chosen[place + 1 :])
-    return chosen
+def _deviance(rows: _Rows, value: Floats) -> float:
+    left = rows.target - rows.base @ value
+    return sum(
+        float(own.sum() * np.log(max(np.mean(left[own] ** 2), 1e-300)))
+        for own in (rows.channel == number for number in range(len(rows.count)))
+    )
 
 
-def _first_guess(chosen: Sequence[Chosen]) -> Floats:
-    """Standard deviations before there is a slope for the shapes, (k,)."""
-    parts = []
-    for part in chosen:
-        own = np.sqrt(np.maximum(np.diag(part.covariance), 1e-300))[: len(part.beta)]
-        if has_shape(part):
-            own = np.append(own, 0.01 * abs(part.shape))
-        parts.append(own if part.fine is None else np.append(own, 0.5))
-    return np.concatenate(parts) if parts else np.zeros(0)
+def _log_stretch(chosen: Sequence[Chosen], rows: _Rows) -> float:
+    """Log of the volume by which undoing the effects stretches the measurements (a change of variables)."""
+    return sum(
+        float(np.log(abs(factor))) * rows.count.get(key, 0)
+        for part in chosen
+        if part.term.stretch is not None
+        for key, factor in part.term.stretch(part.beta).items()
+    )
+
+
+def _informed(case: Case, views: Sequence[View], chosen: Sequence[Chosen], value: Floats) -> tuple[View, ...]:
+    """The views with the model at `value`: of the motion as it truly was, the effects taken out of it."""
+    result = []
+    for view in views:
+        true = case.base.informed(corrected(view, chosen), value)
+        own = case.base.informed(view, value)
+        # Torque and response are those of the true motion; what the log holds of the effects is not the
+        # model's.
+        result.append(replace(own, torque_model=true.torque_model, x0=true.x0, K=true.K))
+    return tuple(result)
 
 
 def _possible(chosen: Sequence[Chosen]) -> bool:
     for part in chosen:
-        shapes = part.candidate.shapes
-        if has_shape(part) and not min(shapes) / _REACH < part.shape < max(shapes) * _REACH:
+        shapes = part.term.shapes
+        if fits_shape(part) and not min(shapes) / _REACH < part.shape < max(shapes) * _REACH:
             return False
-        if not part.candidate.gate(part.beta, part.shape):
+        if part.term.named and not possible(part.term, part.beta, part.shape):
             return False
     return True
 
 
-def _informed(
-    views: Sequence[View], chosen: Sequence[Chosen], base: Base, holdout: Holdout, taps: Taps
-) -> tuple[Sequence[View], _Rows, Floats]:
-    """The views with robot and loads as they come out with the effects taken out, and the rows there.
+def _with_slope(part: Chosen) -> Term:
+    """A term whose columns are the slopes by each parameter that is fitted, the shape's among them."""
+    if not fits_shape(part):
+        return replace(part.term, shapes=(part.shape,))
+    term = part.term
 
-    A load's effects depend on its equilibrium, and that on the effects: twice is enough.
-    """
-    rows = _rows(views, chosen, base, holdout, taps)
-    value = _base_value(rows)
-    for part in chosen:
-        if part.candidate.effect.startswith(("load.", "actuator.", "elastic.transmission", "gravity.")):
-            views = [base.informed(view, value) for view in views]
-            rows = _rows(views, chosen, base, holdout, taps)
-            value = _base_value(rows)
-            break
-    return views, rows, value
+    def columns(view: View, shape: float) -> Columns:
+        step = _STEP * abs(shape)
+        here = term.columns(view, shape)
+        up, down = term.columns(view, shape + step), term.columns(view, shape - step)
+        return {
+            family: np.concatenate(
+                [own, ((up[family] - down[family]) @ part.beta / (2 * step))[:, :, None]], axis=2
+            )
+            for family, own in here.items()
+        }
+
+    return replace(term, columns=columns, size=count_of(part), shapes=(part.shape,))
 
 
-def _rows(views: Sequence[View], chosen: Sequence[Chosen], base: Base, holdout: Holdout, taps: Taps) -> _Rows:
+def _rows(case: Case, views: Sequence[View], chosen: Sequence[Chosen], taps: Taps) -> _Rows:
+    slots = slots_of([_with_slope(part) for part in chosen])
     runs: list[Run] = []
     for view in views:
-        runs += build_runs(corrected(view, chosen), base, [], holdout)
-    white = [run for run in whitened(runs, taps) if run.part == "fit"]
-    trials = {name: number for number, name in enumerate(sorted({run.trial for run in white}))}
-    block = [
-        1000.0 * trials[run.trial] + (run.begin_s + run.step_s * np.arange(len(run.target))) // BLOCK_S
-        for run in white
-    ]
+        if view.name in case.holdout.fit:
+            runs += whitened(rows_of(corrected(view, chosen), case.base, slots, case.holdout), taps)
+    if case.references is not None:
+        runs.append(case.references)
+    wanted = np.arange(slots[-1].columns.stop if slots else 0)
+    trials = {name: number for number, name in enumerate(sorted({run.trial for run in runs}))}
+    keys = sorted({run.key for run in runs})
     return _Rows(
-        np.concatenate([run.target for run in white]),
-        np.concatenate([run.design for run in white]),
-        np.concatenate(block),
+        np.concatenate([run.target for run in runs]),
+        np.concatenate([run.base for run in runs]),
+        np.concatenate([run.columns(wanted) for run in runs]),
+        np.concatenate([1e6 * trials[run.trial] + _block(run) for run in runs]),
+        np.concatenate([np.full(len(run.target), keys.index(run.key)) for run in runs]),
+        {key: sum(len(run.target) for run in runs if run.key == key) for key in keys},
     )
 
 
-def _base_value(rows: _Rows) -> Floats:
-    size = np.linalg.norm(rows.design, axis=0) + 1e-300
-    Q, R = np.linalg.qr(rows.design / size)
+def _block(run: Run) -> Floats:
+    if run.family == REFERENCE:
+        return np.arange(len(run.target), dtype=np.float64)
+    return np.asarray(run.times // BLOCK_S, dtype=np.float64)
+
+
+def _base_value(rows: _Rows) -> tuple[Floats, float]:
+    """Value of the base model (b,) at these effects, and the sum of squares that it leaves."""
+    size = np.linalg.norm(rows.base, axis=0) + 1e-300
+    Q, R = np.linalg.qr(rows.base / size)
     value: Floats = np.linalg.lstsq(R, Q.T @ rows.target, rcond=1e-10)[0] / size
-    return value
+    return value, float(np.sum((rows.target - rows.base @ value) ** 2))
 
 
-def _cost(rows: _Rows, value: Floats) -> float:
-    return float(np.sum((rows.target - rows.design @ value) ** 2))
-
-
-def _slopes(
-    views: Sequence[View],
-    chosen: Sequence[Chosen],
-    value: Floats,
-    sd: Floats,
-    base: Base,
-    holdout: Holdout,
-    taps: Taps,
-) -> Floats:
-    """d residual / d parameter at fixed robot and loads, (N, k), by central differences."""
-    vector, size = vector_of(chosen), moves(chosen, _STEP * sd)
-    columns = []
-    for k in range(len(vector)):
-        move = np.zeros_like(vector)
-        move[k] = size[k]
-        sides = []
-        for sign in (1.0, -1.0):
-            rows = _rows(views, at(chosen, vector + sign * move), base, holdout, taps)
-            sides.append(rows.target - rows.design @ value)
-        columns.append((sides[0] - sides[1]) / (2 * move[k]))
-    return np.stack(columns, axis=1)
-
-
-def _solve(rows: _Rows, value: Floats, slopes: Floats) -> tuple[Floats, Floats]:
-    """Step of the effects' parameters (k,), and their covariance (k, k) with robot and loads free."""
-    residual = rows.target - rows.design @ value
-    J = np.hstack([rows.design, -slopes])
+def _solved(rows: _Rows) -> tuple[Floats, Floats, Floats]:
+    """Step of the effects' parameters (k,), their covariance (k, k) with the base free, base value (b,)."""
+    J = np.hstack([rows.base, rows.slopes])
     size = np.linalg.norm(J, axis=0)
     size = np.where(size > 0, size, 1.0)
     Q, R = np.linalg.qr(J / size)
     inverse = np.linalg.pinv(R, rcond=1e-10)
-    step = inverse @ (Q.T @ residual) / size
-    left = residual - Q @ (Q.T @ residual)
+    found = inverse @ (Q.T @ rows.target) / size
+    left = rows.target - Q @ (Q.T @ rows.target)
     count, width = J.shape
     bread = inverse @ inverse.T
     plain = bread * float(left @ left) / max(count - width, 1)
@@ -211,5 +219,5 @@ def _solve(rows: _Rows, value: Floats, slopes: Floats) -> tuple[Floats, Floats]:
     ratio = np.diag(robust) / np.maximum(np.diag(plain), 1e-300)
     raised = np.sqrt(np.maximum(ratio, 1.0))
     covariance = plain * np.outer(raised, raised) / np.outer(size, size)
-    own = slice(rows.design.shape[1], None)
-    return step[own], covariance[own, own]
+    b = rows.base.shape[1]
+    return found[b:], covariance[b:, b:], found[:b]

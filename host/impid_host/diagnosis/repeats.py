@@ -60,7 +60,7 @@ def _stretches(runs: Sequence[Run], views: dict[str, View], base: Floats) -> Ite
         residual = {
             family: np.stack(
                 [
-                    run.target - run.design @ base
+                    run.target - run.base @ base
                     for run in sorted(own, key=lambda run: run.channel)
                     if run.family == family
                 ],

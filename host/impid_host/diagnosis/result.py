@@ -5,10 +5,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from impid_host.effects.effect import Candidate, Value
+from impid_host.effects.effect import UNATTRIBUTED, Carries, Plain, Term
 from impid_host.signals.arrays import Floats, Mask
 
-UNATTRIBUTED = "unattributed"
+__all__ = ["UNATTRIBUTED"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -20,26 +20,35 @@ class Number:
     unit: str
     covariance: Floats | None = None
 
+    @property
+    def half(self) -> Floats:
+        """Half the interval, shaped like the value."""
+        result: Floats = 0.5 * (self.ci95[..., 1] - self.ci95[..., 0])
+        return result
+
+
+Reported = Number | Mapping[str, Number]
+"""A parameter, or one for each trial or load, by its name."""
+
 
 @dataclass(frozen=True, slots=True)
 class Chosen:
-    """An effect in the model.
+    """A term in the model.
 
     Attributes:
-        beta: (q,); shape: the non-linear parameter; fine: that of `candidate.finer`, None where not used.
-        covariance: of beta, or of beta, the shape where there is one, and log(fine) where it is used.
+        beta: (q,); shape: the non-linear parameter.
+        covariance: of beta, or of beta and the shape where that is fitted.
     """
 
-    candidate: Candidate
+    term: Term
     shape: float
     beta: Floats
     covariance: Floats
-    fine: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
 class Rival:
-    """The candidate that came second, and how much less of the residual it explains."""
+    """The best explanation without the name, by its first other name; how much worse it predicts, nats."""
 
     effect: str
     where: tuple[str, ...]
@@ -47,22 +56,39 @@ class Rival:
 
 
 @dataclass(frozen=True, slots=True)
-class Finding:
-    """An effect that was added, maybe on two joints at once.
+class Evidence:
+    """Why a name is believed.
 
     Attributes:
-        parameters: reported name -> number.
-        share_of_residual: part of the whitened residual before it that it explains (beyond the noise), 0..1.
-        p_value: prewhitened F-test, times the number of candidates tried.
+        share_of_residual: part of the residual before it that it explains (beyond the noise), 0..1.
+        gain, gain_se: of the log predictive density of blocks that took no part over the model without it,
+            nats.
+        confidence: probability that the name is right, 0..1.
     """
+
+    share_of_residual: float
+    gain: float
+    gain_se: float
+    confidence: float
+    runner_up: Rival | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """An effect that was added, maybe on two joints at once; or what has no name."""
 
     effect: str
     where: tuple[str, ...]
     parts: tuple[Chosen, ...]
-    parameters: Mapping[str, Number]
-    share_of_residual: float
-    p_value: float
-    runner_up: Rival | None
+    parameters: Mapping[str, Reported]
+    evidence: Evidence
+    when: str = "all"
+    carries: Carries = "machine"
+
+    @property
+    def label(self) -> str:
+        """`name@place`."""
+        return f"{self.effect}@{'+'.join(self.where)}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,6 +98,7 @@ class Stage:
     Attributes:
         rms, vaf: by channel, N m, N and %.
         alpha: the robot; loads: by load, M, B, K, x0.
+        parts: of a load's interval, by load, quantity and cause ("noise", "link lengths", ...): half widths.
     """
 
     added: Finding | None
@@ -80,6 +107,7 @@ class Stage:
     alpha: Number
     alpha_names: tuple[str, ...]
     loads: Mapping[str, Mapping[str, Number]]
+    parts: Mapping[str, Mapping[str, Mapping[str, Floats]]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,10 +134,15 @@ class Structure:
 
 @dataclass(frozen=True, slots=True)
 class Tie:
-    """Effects that these data cannot tell apart, and what trial could."""
+    """Explanations that these data cannot tell apart, what trial could, and the report under each.
+
+    Attributes:
+        under: alpha, and by load M, B, K, x0, by candidate; empty where they do not differ.
+    """
 
     candidates: tuple[str, ...]
     tell_apart_by: str
+    under: Mapping[str, tuple[Number, Mapping[str, Mapping[str, Number]]]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,25 +153,29 @@ class Floor:
         saturated: by a regression rich enough to leave nothing else, on the held-out rows.
         repeated: by differences of repeated motions; empty where nothing was repeated.
         specified: by resolution of the logs and the accelerometer's data sheet: what it can't be less than.
+        unknown: channels of which nothing tells it.
     """
 
     saturated: Mapping[str, float]
     repeated: Mapping[str, float]
     specified: Mapping[str, float]
+    unknown: frozenset[str] = frozenset()
 
     def origin(self, key: str) -> str:
         """Which of the three the floor of this channel is."""
         among = {"saturated model": self.saturated, "repeated motion": self.repeated}
         known = {name: values[key] for name, values in among.items() if key in values}
-        if not known:
+        if not known or key in self.unknown:
             return "none"
         least = min(known, key=lambda name: known[name])
         return "specification" if self.specified.get(key, 0.0) > known[least] else least
 
     def value(self, key: str) -> float | None:
-        """The floor of this channel."""
+        """The floor of this channel, or None."""
         known = [values[key] for values in (self.saturated, self.repeated) if key in values]
-        return max(min(known), self.specified.get(key, 0.0)) if known else None
+        if not known or key in self.unknown:
+            return None
+        return max(min(known), self.specified.get(key, 0.0))
 
 
 @dataclass(frozen=True, slots=True)
@@ -165,26 +202,31 @@ class Diagnosis:
     """The whole answer.
 
     Attributes:
-        floor: by channel, what noise alone leaves in the residual; told: by what that is known.
+        baseline: what it starts from, "papers" or "textbook".
+        verdict: one sentence.
+        floor: by channel, what noise alone leaves in the residual, or None; told: by what that is known.
+        above_noise_floor: None where no floor is known.
         notes: what a reader must know: no accelerometer, trials left out.
         traces: residuals, to look at; prismatic: torques are forces, angles are places.
     """
 
     study: str
+    baseline: str
     fit_trials: tuple[str, ...]
     validation_trials: tuple[str, ...]
     stages: tuple[Stage, ...]
-    floor: Mapping[str, float]
+    floor: Mapping[str, float | None]
     share_unexplained: float
-    above_noise_floor: bool
+    above_noise_floor: bool | None
+    verdict: str = ""
     structure: tuple[Structure, ...] = ()
     ambiguous: tuple[Tie, ...] = ()
-    notes: tuple[str, ...] = field(default=())
+    notes: tuple[str, ...] = ()
     told: Floor = Floor({}, {}, {})
     traces: tuple[Trace, ...] = ()
     prismatic: bool = False
 
 
-def as_array(value: Value) -> Floats:
+def as_array(value: Plain) -> Floats:
     """A reported value as an array."""
     return np.asarray(value, dtype=np.float64)

@@ -5,16 +5,17 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from impid_host.diagnosis.base import Base, base_of
+from impid_host.diagnosis.base import Base, base_of, structure_of
 from impid_host.diagnosis.case import informed
+from impid_host.diagnosis.correct import corrected
 from impid_host.diagnosis.holdout import Holdout
-from impid_host.diagnosis.parameters import at, count_of, moves, vector_of, with_fine
+from impid_host.diagnosis.parameters import at, count_of, vector_of
 from impid_host.diagnosis.prepare import setting_of, views
-from impid_host.diagnosis.proof import aligned, corrected
+from impid_host.diagnosis.proof import aligned
 from impid_host.diagnosis.result import Chosen
 from impid_host.diagnosis.saved import SavedEffect, SavedModel, file_hashes
-from impid_host.effects.catalogue import CATALOGUE, candidates
-from impid_host.effects.effect import Candidate
+from impid_host.effects.catalogue import CATALOGUE, terms
+from impid_host.effects.effect import Term
 from impid_host.effects.view import Columns, View
 from impid_host.errors import InputError
 from impid_host.impedance.campaign import Options, Progress, StudyFit, fit_aligned
@@ -27,8 +28,6 @@ from impid_host.signals.align import AlignedTrial
 from impid_host.signals.arrays import Floats
 from impid_host.study.model import Study
 
-# What belongs to the recording that it was found in, and says nothing of the next.
-_OF_A_RECORDING = ("clock.drift", "load.drift")
 _ROUNDS = 2
 
 
@@ -85,7 +84,7 @@ def fit_with_model(
     parts, _ = views(study, model)
     if options.acceleration == "angles":
         parts = [replace(view, measured=None, predicted=None) for view in parts]
-    base = base_of(parts, model, prior=True)
+    base = base_of(parts, structure_of(study.setup, model), prior=True)
     chosen, left_out = carried(saved, parts, base)
     known = None
     if keep_robot or all(view.load is not None for view in parts):
@@ -108,7 +107,7 @@ def fit_with_model(
     plain = fitted(chosen)
     progress("propagating the effects' uncertainty")
     result = _widened(plain, chosen, fitted)
-    labels = tuple(dict.fromkeys(part.candidate.label for part in chosen))
+    labels = tuple(dict.fromkeys(part.term.label for part in chosen))
     return result, Provenance(
         saved.path.name, saved.study, saved.made_by, labels, tuple(left_out), origin, same
     )
@@ -130,48 +129,52 @@ def require_same_robot(saved: SavedModel, study: Study, parameters: int) -> None
 
 def carried(saved: SavedModel, parts: Sequence[View], base: Base) -> tuple[list[Chosen], list[str]]:
     """The saved effects as parts of a model on these views, and those that are not carried over, with why."""
-    tried = candidates(setting_of(parts, base))
+    tried = terms(setting_of(parts, base, referenced=True))
     chosen, left_out = [], []
     for row in saved.effects:
         reason = _obstacle(row, saved, base, tried)
         if reason is not None:
             left_out.append(f"{row.label}: {reason}")
             continue
-        candidate = next(c for c in tried if _is(c, row))
-        part = Chosen(_among(candidate, saved.loads), row.shape, row.beta, row.covariance)
-        chosen.append(part if row.fine is None or candidate.finer is None else with_fine(part, row.fine))
+        term = next(c for c in tried if _is(c, row))
+        chosen.append(Chosen(_among(term, saved.loads), row.shape, row.beta, row.covariance))
     return chosen, left_out
 
 
-def _obstacle(row: SavedEffect, saved: SavedModel, base: Base, tried: Sequence[Candidate]) -> str | None:
+def _obstacle(row: SavedEffect, saved: SavedModel, base: Base, tried: Sequence[Term]) -> str | None:
     effect = CATALOGUE.get(row.effect)
     if effect is None:
         return "this version of impid does not know it"
-    if row.effect in _OF_A_RECORDING:
+    if effect.carries == "record":
         return "it belongs to the recording in which it was found"
     own = {name for name, _ in base.loads}
     if effect.acts_on == "load" and not own & set(saved.loads):
         return "it belongs to a load that is not in this study"
-    found = [candidate for candidate in tried if _is(candidate, row)]
+    found = [term for term in tried if _is(term, row)]
     if not found:
         return "this study's instruments do not show it"
     return None if found[0].size == len(row.beta) else "this version of impid describes it otherwise"
 
 
-def _is(candidate: Candidate, row: SavedEffect) -> bool:
-    return (candidate.effect, candidate.where, candidate.variant) == (row.effect, row.where, row.variant)
+def _is(term: Term, row: SavedEffect) -> bool:
+    return (term.effect, term.where, term.variant, term.when) == (
+        row.effect,
+        row.where,
+        row.variant,
+        row.when,
+    )
 
 
-def _among(candidate: Candidate, loads: Sequence[str]) -> Candidate:
+def _among(term: Term, loads: Sequence[str]) -> Term:
     """An effect of a load acts in trials of the loads on which it was found, and in no other."""
-    if CATALOGUE[candidate.effect].acts_on != "load":
-        return candidate
-    inner = candidate.columns
+    if CATALOGUE[term.effect].acts_on != "load":
+        return term
+    inner = term.columns
 
     def columns(view: View, shape: float) -> Columns:
         return inner(view, shape) if view.load in loads else {}
 
-    return replace(candidate, columns=columns)
+    return replace(term, columns=columns)
 
 
 def cleaned_trials(parts: Sequence[View], chosen: Sequence[Chosen], base: Base) -> list[AlignedTrial]:
@@ -212,7 +215,8 @@ def _widened(plain: StudyFit, chosen: Sequence[Chosen], fitted: object) -> Study
         size = min(count_of(part), len(part.covariance))
         covariance[own, own][:size, :size] = part.covariance[:size, :size]
         first += count_of(part)
-    steps = moves(chosen, np.sqrt(np.diag(covariance)))
+    sd = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    steps = np.maximum(sd, np.maximum(1e-9 * np.abs(vector), 1e-15))
     others = [
         fitted(at(chosen, vector + step * row))  # type: ignore[operator]
         for step, row in zip(steps, np.eye(len(vector)), strict=True)

@@ -1,29 +1,45 @@
 """From views to regression rows: every column low-passed alike, decimated until the noise is about white."""
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import signal, sparse
+from scipy import signal
 
 from impid_host.diagnosis.base import Base, targets
-from impid_host.diagnosis.holdout import Holdout, settled
-from impid_host.effects.effect import Candidate
-from impid_host.effects.view import ANGLE, FAMILIES, View
+from impid_host.diagnosis.holdout import FIT, Holdout, settled
+from impid_host.effects.effect import Term
+from impid_host.effects.view import ANGLE, FAMILIES, Columns, View
 from impid_host.signals.arrays import Floats, Mask
 
 _EDGE_S = 0.5
+REFERENCE = "reference"
 Index = NDArray[np.intp]
-_PARTS = ("fit", "validation")
+Key = tuple[str, int]
+"""Family and channel."""
+
+
+@dataclass(frozen=True, slots=True)
+class Slot:
+    """Where a term at one shape stands among the columns of all terms."""
+
+    term: Term
+    shape: float
+    columns: slice
 
 
 @dataclass(frozen=True, slots=True)
 class Run:
-    """Contiguous rows of one channel of one trial: target (N,), design (N, k), both over all columns.
+    """Contiguous rows of one channel of one trial.
+
+    Only a seventh of all columns is not zero in a channel of a trial; only those are kept.
 
     Attributes:
         begin_s: time of the first row; step_s: between rows.
+        target: (N,); base: columns of the base model, (N, p).
+        used: which columns of the terms are not zero here, (k,), rising; design: those, (N, k), in single precision:
+            a column is never told from another by its seventh digit.
     """
 
     trial: str
@@ -33,115 +49,144 @@ class Run:
     begin_s: float
     step_s: float
     target: Floats
-    design: Floats
+    base: Floats
+    used: Index
+    design: NDArray[np.float32]
 
     @property
-    def key(self) -> tuple[str, int]:
+    def key(self) -> Key:
         """Channels of one key share a noise model."""
         return (self.family, self.channel)
 
+    @property
+    def times(self) -> Floats:
+        """Of the rows, s, (N,)."""
+        return np.asarray(self.begin_s + self.step_s * np.arange(len(self.target)))
 
-@dataclass(frozen=True, slots=True)
-class Slot:
-    """Where a candidate at one shape stands among the columns."""
+    def columns(self, wanted: Index) -> Floats:
+        """The wanted columns of all terms, zeros where they are none here, (N, len(wanted))."""
+        result = np.zeros((len(self.target), len(wanted)))
+        if len(self.used):
+            place = np.minimum(np.searchsorted(self.used, wanted), len(self.used) - 1)
+            there = self.used[place] == wanted
+            result[:, there] = self.design[:, place[there]]
+        return result
 
-    candidate: Candidate
-    shape: float
-    columns: slice
 
-
-def slots_of(candidates: Sequence[Candidate], first: int) -> list[Slot]:
-    """Column places of every candidate at every shape, from `first` on."""
+def slots_of(terms: Iterable[Term], first: int = 0) -> list[Slot]:
+    """Column places of every term at every shape, from `first` on."""
     result = []
-    for candidate in candidates:
-        for shape in candidate.shapes:
-            result.append(Slot(candidate, shape, slice(first, first + candidate.size)))
-            first += candidate.size
+    for term in terms:
+        for shape in term.shapes:
+            result.append(Slot(term, shape, slice(first, first + term.size)))
+            first += term.size
     return result
 
 
 @dataclass(frozen=True, slots=True)
 class Decimator:
-    """The low-pass that everything passes, at every `step`-th instant: rows (M, N) of a sparse matrix."""
+    """A symmetric FIR low-pass (Kaiser window, 60 dB) at every `step`-th instant."""
 
     step: int
-    matrix: sparse.csr_matrix
+    taps: Floats
 
     def __call__(self, values: Floats) -> Floats:
-        """(N, ...) -> (M, ...); columns that are zero throughout cost nothing."""
+        """(N, ...) -> (ceil(N / step), ...)."""
+        if self.step == 1:
+            return values
         plain = values.reshape(len(values), -1)
-        used = np.flatnonzero(np.any(plain != 0, axis=0))
-        result = np.zeros((self.matrix.shape[0], plain.shape[1]))
-        result[:, used] = self.matrix @ np.ascontiguousarray(plain[:, used])
-        return result.reshape(-1, *values.shape[1:])
+        count = -(-len(values) // self.step)
+        late = len(self.taps) // 2 // self.step
+        used = np.flatnonzero(plain.any(axis=0))  # most columns act in one channel of several
+        low = np.zeros((count, plain.shape[1]))
+        if len(used):
+            columns = np.ascontiguousarray(plain[:, used].T)
+            low[:, used] = signal.upfirdn(self.taps, columns, 1, self.step, axis=1)[:, late : late + count].T
+        return low.reshape(-1, *values.shape[1:])
 
 
 def decimator(view: View) -> Decimator:
-    """A symmetric FIR low-pass (Kaiser window, 60 dB) down to about 2.2 rows per cycle of the cut-off."""
+    """Down to about 2.2 rows per cycle of the band's end."""
     step = max(1, int(view.rate_hz / (2.2 * view.cutoff_hz)))
-    count = len(view.t)
-    if step == 1:
-        return Decimator(1, sparse.identity(count, format="csr"))
     half = 6 * step
-    taps = signal.firwin(2 * half + 1, view.cutoff_hz, fs=view.rate_hz, window=("kaiser", 6.0))
-    centres = np.arange(0, count, step)
-    place = centres[:, None] + np.arange(-half, half + 1)
-    inside = (place >= 0) & (place < count)
-    rows = np.broadcast_to(np.arange(len(centres))[:, None], place.shape)
-    weights = np.broadcast_to(taps, place.shape)
-    matrix = sparse.csr_matrix((weights[inside], (rows[inside], place[inside])), shape=(len(centres), count))
-    return Decimator(step, matrix)
+    return Decimator(
+        step, signal.firwin(2 * half + 1, view.cutoff_hz, fs=view.rate_hz, window=("kaiser", 6.0))
+    )
 
 
-def build_runs(
-    view: View, base: Base, slots: Sequence[Slot], holdout: Holdout, *, first: int = 0
+def rows_of(
+    view: View, base: Base | None, slots: Sequence[Slot], holdout: Holdout, parts: Sequence[str] = (FIT,)
 ) -> list[Run]:
-    """All rows of a trial; with `first` > 0, the slots alone, whose columns begin there."""
-    width = (slots[-1].columns.stop if slots else base.size) - first
-    blocks = _blocks(view, base, slots, width, first)
+    """All rows of some parts of a trial; without a base the columns of the slots alone, targets zero."""
     lower = decimator(view)
-    kept = {
-        part: _stretches(settled(holdout.mask(view, part), view.rate_hz, _EDGE_S)[:: lower.step])
-        for part in _PARTS
-    }
-    runs = []
-    for family, (target, design) in blocks.items():
-        y, Z = lower(target), lower(design)
-        for part in _PARTS:
-            for rows in kept[part]:
-                begin = float(view.t[rows[0] * lower.step])
-                runs += [
-                    Run(
-                        view.name,
-                        family,
-                        channel,
-                        part,
-                        begin,
-                        lower.step * view.dt,
-                        y[rows, channel],
-                        Z[rows, channel],
-                    )
-                    for channel in range(target.shape[1])
-                ]
-    return _without_clock_match(runs, view, lower) if ANGLE in blocks else runs
-
-
-def _blocks(
-    view: View, base: Base, slots: Sequence[Slot], width: int, first: int
-) -> dict[str, tuple[Floats, Floats]]:
+    kept = [
+        (part, rows)
+        for part in parts
+        for rows in _stretches(settled(holdout.mask(view, part), view.rate_hz, _EDGE_S)[:: lower.step])
+    ]
+    if not kept:
+        return []
     measured = targets(view)
-    blocks = {
-        family: (measured[family], np.zeros((*measured[family].shape, width)))
-        for family in FAMILIES
-        if family in measured
-    }
-    for family, columns in base.columns(view).items() if first == 0 else ():
-        blocks[family][1][:, :, : base.size] = columns
+    by_family = {} if base is None else {family: lower(block) for family, block in base.columns(view).items()}
+    size = 0 if base is None else base.size
+    columns = _low_columns(view, slots, measured, lower)
+    runs = []
+    count = -(-len(view.t) // lower.step)
+    for family in FAMILIES:
+        if family not in measured:
+            continue
+        target = lower(measured[family]) if base is not None else np.zeros((count, measured[family].shape[1]))
+        own = by_family.get(family)
+        for channel in range(target.shape[1]):
+            place, design = _used(columns.get(family, []), channel, len(target))
+            model = np.zeros((count, size)) if own is None else own[:, channel]
+            for part, rows in kept:
+                begin, step_s = float(view.t[rows[0] * lower.step]), lower.step * view.dt
+                own_rows = (target[rows, channel], model[rows], place, design[rows])
+                runs.append(Run(view.name, family, channel, part, begin, step_s, *own_rows))
+    return _without_clock_match(runs, view, lower) if ANGLE in measured else runs
+
+
+def columns_in(term: Term, view: View, shape: float) -> Columns:
+    """What one unit of each of the term's parameters adds to a trial; nothing where it does not act."""
+    return term.columns(view, shape) if term.acts_in(view) else {}
+
+
+def _low_columns(
+    view: View, slots: Sequence[Slot], measured: Mapping[str, Floats], lower: Decimator
+) -> dict[str, list[tuple[int, Floats]]]:
+    """By family, first column and decimated block (M, c, q) of every slot that adds something."""
+    result: dict[str, list[tuple[int, Floats]]] = {}
+    shared: dict[tuple[int, float], Columns] = {}
     for slot in slots:
-        for family, columns in slot.candidate.columns(view, slot.shape).items():
-            if family in blocks:
-                blocks[family][1][:, :, slot.columns.start - first : slot.columns.stop - first] = columns
-    return blocks
+        if not slot.term.acts_in(view):
+            continue
+        # The same effect in some trials only has the same columns.
+        key = (id(slot.term.columns), slot.shape)
+        if key not in shared:
+            found = slot.term.columns(view, slot.shape)
+            shared[key] = {family: lower(block) for family, block in found.items() if family in measured}
+        for family, block in shared[key].items():
+            result.setdefault(family, []).append((slot.columns.start, block))
+    return result
+
+
+def _used(
+    blocks: Sequence[tuple[int, Floats]], channel: int, count: int
+) -> tuple[Index, NDArray[np.float32]]:
+    """Which columns a channel has, (k,), and they, (N, k)."""
+    places, parts = [], []
+    for first, block in blocks:
+        own = block[:, channel]
+        alive = np.flatnonzero(np.any(own != 0, axis=0))
+        if len(alive):
+            places.append(first + alive)
+            parts.append(own[:, alive])
+    if not parts:
+        return np.zeros(0, dtype=np.intp), np.zeros((count, 0), dtype=np.float32)
+    place = np.concatenate(places)
+    order = np.argsort(place, kind="stable")
+    return place[order], np.concatenate(parts, axis=1)[:, order].astype(np.float32)
 
 
 def _stretches(kept: Mask) -> list[Index]:
@@ -153,7 +198,6 @@ def _stretches(kept: Mask) -> list[Index]:
 
 def _without_clock_match(runs: list[Run], view: View, lower: Decimator) -> list[Run]:
     """Take out of the angle rows what the match of the clocks is free to choose: offset, rate, constants."""
-    result = [run for run in runs if run.family != ANGLE]
     angle = [run for run in runs if run.family == ANGLE]
     speed, clock = lower(view.omega), view.t[:: lower.step] - 0.5 * view.t[-1]
     nuisance = []
@@ -164,49 +208,35 @@ def _without_clock_match(runs: list[Run], view: View, lower: Decimator) -> list[
         block[:, 0], block[:, 1] = w, w * clock[rows]
         block[:, 2 + run.channel] = 1.0
         nuisance.append(block)
-    fit = [k for k, run in enumerate(angle) if run.part == "fit"] or list(range(len(angle)))
     if not angle:
-        return result
+        return runs
+    wanted = np.unique(np.concatenate([run.used for run in angle]))
+    fit = [k for k, run in enumerate(angle) if run.part == FIT] or list(range(len(angle)))
     N = np.concatenate([nuisance[k] for k in fit])
-    Z = np.concatenate([np.column_stack([angle[k].target, angle[k].design]) for k in fit])
+    Z = np.concatenate([np.column_stack([angle[k].target, angle[k].columns(wanted)]) for k in fit])
     size = np.linalg.norm(N, axis=0) + 1e-300
     gain = np.linalg.lstsq(N / size, Z, rcond=1e-10)[0] / size[:, None]
+    result = [run for run in runs if run.family != ANGLE]
     for block, run in zip(nuisance, angle, strict=True):
-        fitted = block @ gain
-        result.append(
-            Run(
-                run.trial,
-                run.family,
-                run.channel,
-                run.part,
-                run.begin_s,
-                run.step_s,
-                run.target - fitted[:, 0],
-                run.design - fitted[:, 1:],
-            )
-        )
+        left = np.column_stack([run.target, run.columns(wanted)]) - block @ gain
+        result.append(replace(run, target=left[:, 0], used=wanted, design=left[:, 1:].astype(np.float32)))
     return result
 
 
-def mapped(runs: Sequence[Run], change: Callable[[Run], tuple[Floats, Floats, int]]) -> list[Run]:
-    """Runs with target and design replaced; `change` gives them and how many rows were lost in front."""
+def mapped(runs: Sequence[Run], change: Callable[[Run, Floats], Floats]) -> list[Run]:
+    """Runs with all their columns changed alike; rows lost in front move the beginning.
+
+    Args:
+        change: a run and [target | base | design] (N, 1 + p + k) -> the same for fewer rows.
+    """
     result = []
     for run in runs:
-        target, design, lost = change(run)
-        if len(target) > 1:
+        p = run.base.shape[1]
+        Z = change(run, np.column_stack([run.target, run.base, run.design]))
+        if len(Z) > 1:
+            lost = len(run.target) - len(Z)
+            begin = run.begin_s + lost * run.step_s
             result.append(
-                Run(
-                    run.trial,
-                    run.family,
-                    run.channel,
-                    run.part,
-                    run.begin_s + lost * run.step_s,
-                    run.step_s,
-                    target,
-                    design,
-                )
+                replace(run, begin_s=begin, target=Z[:, 0], base=Z[:, 1 : 1 + p], design=Z[:, 1 + p :].astype(np.float32))
             )
     return result
-
-
-Taps = Mapping[tuple[str, int], Floats]

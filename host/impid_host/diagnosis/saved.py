@@ -10,7 +10,8 @@ import numpy as np
 from pydantic import Field
 
 from impid_host import __version__
-from impid_host.diagnosis.result import UNATTRIBUTED, Chosen, Diagnosis, Number
+from impid_host.diagnosis.result import Chosen, Diagnosis, Number
+from impid_host.effects.effect import UNATTRIBUTED
 from impid_host.errors import InputError
 from impid_host.signals.arrays import Floats
 from impid_host.study.model import Study
@@ -25,15 +26,17 @@ class SavedEffect:
     """One part of an effect in the model: a candidate of the catalogue and its parameters.
 
     Attributes:
-        beta: (q,); shape: the non-linear parameter; fine: the fine one, or None.
-        covariance: of beta, the shape where there is one, and log(fine) where it is used, (k, k).
+        when: in which trials it acts; own: trials or loads that have a value each.
+        beta: (q,); shape: the non-linear parameter.
+        covariance: of beta, and the shape where that was fitted, (k, k).
     """
 
     effect: str
     where: tuple[str, ...]
     variant: str
+    when: str
+    own: tuple[str, ...]
     shape: float
-    fine: float | None
     beta: Floats
     covariance: Floats
 
@@ -117,8 +120,9 @@ def save_model(diagnosis: Diagnosis, study: Study, path: Path) -> None:
 class _Part(Table):
     where: list[str]
     variant: str = ""
+    when: str = "all"
+    own: list[str] = Field(default_factory=list)
     shape: float
-    fine: float | None = None
     beta: list[float] = Field(min_length=1)
     covariance: list[list[float]]
 
@@ -176,8 +180,9 @@ def read_model(path: Path) -> SavedModel:
             row.effect,
             tuple(part.where),
             part.variant,
+            part.when,
+            tuple(part.own),
             part.shape,
-            part.fine,
             np.array(part.beta),
             _square(path, row.effect, part),
         )
@@ -221,10 +226,11 @@ def file_hashes(folder: Path) -> dict[str, str]:
 
 def _part(part: Chosen) -> Json:
     return {
-        "where": list(part.candidate.where),
-        "variant": part.candidate.variant,
+        "where": list(part.term.where),
+        "variant": part.term.variant,
+        "when": part.term.when,
+        "own": list(part.term.own),
         "shape": part.shape,
-        "fine": part.fine,
         "beta": part.beta.tolist(),
         "covariance": part.covariance.tolist(),
     }

@@ -4,12 +4,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from impid_host.diagnosis.dynamic import NODES_HZ, RESPONSE
-from impid_host.diagnosis.evidence import gain, projected, solve
 from impid_host.diagnosis.result import Structure
 from impid_host.diagnosis.rows import Slot
-from impid_host.diagnosis.smooth import EACH, curve_basis, pull
-from impid_host.diagnosis.table import Table
+from impid_host.diagnosis.table import Table, drop, projected, residuals, solve
+from impid_host.effects.response import NODES_HZ, RESPONSE
+from impid_host.effects.structure import EACH, curve_basis, pull
 from impid_host.effects.view import View
 from impid_host.signals.arrays import Floats
 
@@ -22,13 +21,13 @@ def structures(
     """One entry for each slot of `curves`, given the effects `active`."""
     columns = table.columns([*active, *curves])
     beta, _ = solve(table.G, columns)
-    place = np.array(columns, dtype=int) + 1
-    covariance = np.linalg.pinv(table.G[np.ix_(place, place)])
+    place = columns + 1
+    covariance = np.asarray(np.linalg.pinv(table.G[np.ix_(place, place)]), dtype=np.float64)
     first = len(table.columns(active))
     result = []
     for order, s in enumerate(curves):
         slot = table.slots[s]
-        own = slice(first, first + slot.candidate.size)
+        own = slice(first, first + slot.term.size)
         first = own.stop
         share = _share(table, [*active, *curves[:order]], s)
         result.append(_shape(slot, share, beta[own], covariance[own, own], views))
@@ -36,8 +35,8 @@ def structures(
 
 
 def _shape(slot: Slot, share: float, beta: Floats, covariance: Floats, views: Sequence[View]) -> Structure:
-    on, variable = slot.candidate.where
-    variant = slot.candidate.variant
+    on, variable = slot.term.where
+    variant = slot.term.variant
     if variable == "one_trial":
         sentence = f"trial {variant} is unlike the others"
         return Structure(variable, on, share, _NOTHING, _NOTHING, sentence)
@@ -46,7 +45,7 @@ def _shape(slot: Slot, share: float, beta: Floats, covariance: Floats, views: Se
     if variant == EACH:
         return _gain(on, share, beta, covariance, views)
     if variable == "direction":
-        values = np.concatenate([pull(view, int(on[-1]) - 1, variant)[view.valid] for view in views])
+        values = np.concatenate([pull(view)[view.valid] for view in views])
         grid = np.linspace(0.0, float(np.percentile(values, 99.5)), 41)
         basis = grid[:, None]
     else:
@@ -86,8 +85,9 @@ def _gain(on: str, share: float, beta: Floats, covariance: Floats, views: Sequen
 
 def _response(slot: Slot, share: float, beta: Floats, covariance: Floats, views: Sequence[View]) -> Structure:
     """Root mean square of what each band of frequencies adds to the channel."""
-    on = slot.candidate.where[0]
-    pieces = [slot.candidate.columns(view, 0.0)["torque"][view.valid] for view in views if _has(slot, view)]
+    on = slot.term.where[0]
+    found = [(view, slot.term.columns(view, 0.0)) for view in views]
+    pieces = [block[view.valid] for view, blocks in found for block in blocks.values()]
     block = np.concatenate([piece.reshape(-1, len(beta)) for piece in pieces])
     frequency = np.array(NODES_HZ)
     power = block.T @ block / len(block)
@@ -100,13 +100,9 @@ def _response(slot: Slot, share: float, beta: Floats, covariance: Floats, views:
     curve = np.stack([frequency, size], axis=1)
     band = np.stack([np.maximum(size - half, 0), size + half], axis=1)
     peak = frequency[int(np.argmax(size))]
-    of = slot.candidate.variant.removeprefix(f"{RESPONSE} to ")
+    of = slot.term.variant.removeprefix(f"{RESPONSE} to ")
     sentence = f"{on} follows {of} by a response that no known effect has, strongest near {peak:.2g} Hz"
     return Structure("frequency", on, share, curve, band, sentence)
-
-
-def _has(slot: Slot, view: View) -> bool:
-    return bool(slot.candidate.columns(view, 0.0))
 
 
 def words(variable: str, on: str, grid: Floats, curve: Floats, factor: str, of: str = "") -> str:
@@ -141,13 +137,10 @@ def values_of(view: View, variable: str) -> Floats:
 
 def _share(table: Table, rest: Sequence[int], s: int) -> float:
     """Part of what is left in the channel that the slot explains."""
-    drop = gain(projected(table.G, table.columns(rest)), table.G, table.slots[s].columns)
-    on = table.slots[s].candidate.where[0]
     columns = table.columns(rest)
-    beta, _ = solve(table.G, columns)
-    left = 0.0
-    for run in table.runs:
-        if run.family == "torque" and (not on.startswith("tau") or run.channel == int(on[-1]) - 1):
-            r = run.target - run.design[:, columns] @ beta
-            left += float(r @ r)
-    return float(np.clip(drop / max(left, 1e-300), 0, 1))
+    less = drop(projected(table.G, columns), table.G, table.slots[s].columns)
+    keys = {run.key for run in table.runs if np.isin(run.used, table.columns([s])).any()}
+    left = sum(
+        float(r @ r) for run, r in zip(table.runs, residuals(table, columns), strict=True) if run.key in keys
+    )
+    return float(np.clip(less / max(left, 1e-300), 0, 1))

@@ -1,16 +1,17 @@
-"""The stages of an answer: the papers' model, one effect more at each, and last what has no known cause."""
+"""The stages of an answer: the first model, one effect more at each, and last what has no known cause."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from impid_host.diagnosis import proof
-from impid_host.diagnosis.base import Base
-from impid_host.diagnosis.findings import refitted
-from impid_host.diagnosis.holdout import Holdout
+from impid_host.diagnosis.case import Case
+from impid_host.diagnosis.noise import Taps
+from impid_host.diagnosis.parameters import joined, parameters_of
 from impid_host.diagnosis.refit import Refit, refit
-from impid_host.diagnosis.result import UNATTRIBUTED, Chosen, Finding, Stage
-from impid_host.diagnosis.rows import Taps
-from impid_host.effects.view import View
+from impid_host.diagnosis.result import UNATTRIBUTED, Chosen, Evidence, Finding, Stage
+from impid_host.effects.catalogue import CATALOGUE
 
 
 @dataclass(frozen=True, slots=True)
@@ -18,27 +19,25 @@ class Bench:
     """What every stage is fitted on and judged by.
 
     Attributes:
-        views: with the papers' model in them; taps: noise models; handle_mass_kg, prior: of setup.toml.
+        taps: noise models; handle_mass_kg, prior: of setup.toml.
     """
 
-    views: tuple[View, ...]
-    base: Base
-    holdout: Holdout
+    case: Case
     taps: Taps
     handle_mass_kg: float
     prior: tuple[float, ...] | None
 
     def fit(self, chosen: Sequence[Chosen]) -> Refit:
         """Robot, loads and these effects fitted together."""
-        return refit(self.views, chosen, self.base, self.holdout, self.taps)
+        return refit(self.case, chosen, self.taps)
 
     def stage(self, fit: Refit, added: Finding | None) -> Stage:
         """What is reported with the fit's effects taken out."""
         alpha, loads, rms, vaf, names = proof.report(
             fit.views,
             fit.chosen,
-            self.base,
-            self.holdout,
+            self.case.base,
+            self.case.holdout,
             handle_mass_kg=self.handle_mass_kg,
             prior=self.prior,
             covariance=fit.covariance,
@@ -46,33 +45,84 @@ class Bench:
         return Stage(added, rms, vaf, alpha, names, loads)
 
 
-def named_stages(bench: Bench, findings: Sequence[Finding]) -> tuple[tuple[Stage, ...], Refit]:
-    """The papers' model and a stage for each finding, with everything refitted at each; and the last fit.
-
-    What a finding's parameters are is said by the last fit, in which all effects stand.
-    """
-    fits = [
-        bench.fit([part for finding in findings[:count] for part in finding.parts])
-        for count in range(len(findings) + 1)
-    ]
-    parts = list(fits[-1].chosen)
-    stages = [bench.stage(fits[0], None)]
-    for finding, fit in zip(findings, fits[1:], strict=True):
-        own, parts = parts[: len(finding.parts)], parts[len(finding.parts) :]
-        stages.append(bench.stage(fit, refitted(finding, own)))
-    return tuple(stages), fits[-1]
+def finding(parts: Sequence[Chosen], evidence: Evidence) -> Finding:
+    """One effect, maybe on several joints at once with a value for each."""
+    ordered = sorted(parts, key=lambda part: part.term.where)
+    term = ordered[0].term
+    return Finding(
+        term.effect,
+        tuple(name for part in ordered for name in part.term.where),
+        tuple(ordered),
+        joined([parameters_of(part) for part in ordered]) if term.named else {},
+        evidence,
+        term.when,
+        CATALOGUE[term.effect].carries if term.named else "record",
+    )
 
 
-def unattributed_stage(
-    bench: Bench, fit: Refit, curves: Sequence[Chosen], on: Sequence[str], share: float, p_value: float
-) -> tuple[Stage, Refit]:
-    """The error were the curves without a cause in the model, as far as data that took no part have them.
+def grouped(chosen: Sequence[Chosen]) -> list[list[int]]:
+    """Numbers of the parts that are one entry: an effect on several joints or axes, in the same form."""
+    groups: list[list[int]] = []
+    for k, part in enumerate(chosen):
+        term = part.term
+        for group in groups:
+            first = chosen[group[0]].term
+            places = {name for j in group for name in chosen[j].term.where}
+            alike = (first.effect, first.when) == (term.effect, term.when) and _same_form(chosen[group[0]], part)
+            if alike and term.named and not places & set(term.where) and not term.own:
+                group.append(k)
+                break
+        else:
+            groups.append([k])
+    return groups
+
+
+def _same_form(one: Chosen, other: Chosen) -> bool:
+    """Whether both report the same parameters, so that one entry can hold a value for each."""
+    names = [set(part.term.read(part.beta, part.shape)) for part in (one, other)]
+    return names[0] == names[1] and not one.term.own
+
+
+def named_stages(
+    bench: Bench, chosen: Sequence[Chosen], evidence: Sequence[Evidence]
+) -> tuple[tuple[Stage, ...], Refit]:
+    """The first model and a stage for each effect, everything refitted at each; and the last fit.
+
+    What an effect's parameters are is said by the last fit, in which all effects stand.
 
     Args:
-        fit: of the named effects; curves: what is left as curves, maybe none (a hum has no curve).
-        on: channels in which something is left; share: of the residual; p_value: of the least sure of them.
+        evidence: of each of the chosen.
     """
-    places = sorted({f"joint{name[-1]}" if name.startswith("tau") else "load" for name in on})
-    added = Finding(UNATTRIBUTED, tuple(places), tuple(curves), {}, share, p_value, None)
-    fit = bench.fit([*fit.chosen, *curves]) if curves else fit
-    return bench.stage(fit, added), fit
+    groups = grouped(chosen)
+    last = bench.fit(chosen)
+    stages = [bench.stage(bench.fit([]), None)]
+    for count, group in enumerate(groups, start=1):
+        places = sorted(k for own in groups[:count] for k in own)
+        fit = last if count == len(groups) else bench.fit([chosen[k] for k in places])
+        own = finding([last.chosen[k] for k in group], _together([evidence[k] for k in group]))
+        stages.append(bench.stage(fit, own))
+    return tuple(stages), last
+
+
+def _together(several: Sequence[Evidence]) -> Evidence:
+    """Of an effect on several joints: the shares and gains add, the least sure decides."""
+    least = min(several, key=lambda own: own.confidence)
+    return Evidence(
+        min(1.0, sum(own.share_of_residual for own in several)),
+        sum(own.gain for own in several),
+        float(np.sqrt(sum(own.gain_se**2 for own in several))),
+        least.confidence,
+        least.runner_up,
+    )
+
+
+def unattributed(on: Sequence[str], curves: Sequence[Chosen], evidence: Evidence) -> Finding:
+    """What has no known cause, on the given channels."""
+    places = sorted({_place(name) for name in on})
+    return Finding(UNATTRIBUTED, tuple(places) or ("sensor",), tuple(curves), {}, evidence, carries="record")
+
+
+def _place(channel: str) -> str:
+    if channel.startswith("tau"):
+        return f"joint{channel[3:]}"
+    return "sensor" if channel.startswith(("acc_", "fs")) else "load"

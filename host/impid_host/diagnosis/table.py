@@ -1,126 +1,215 @@
-"""The rows that the choice works on, and what a candidate is worth on them."""
+"""The whitened rows of a study with every term's columns: sums of squares of nested and rival models.
+
+Sums over all rows come from one Gram matrix, blocks of two seconds from their own, made for the few columns
+that are asked for. Nothing here knows what a column means.
+"""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
+from scipy import linalg
 
-from impid_host.diagnosis.evidence import gain, gram, projected, solve
-from impid_host.diagnosis.result import UNATTRIBUTED
-from impid_host.diagnosis.rows import Run, Slot, slots_of
-from impid_host.effects.effect import Candidate
+from impid_host.diagnosis.noise import BLOCK_S, Noise
+from impid_host.diagnosis.rows import Index, Key, Run, Slot, slots_of
+from impid_host.effects.effect import Term
 from impid_host.signals.arrays import Floats
 
-_PARSIMONY = 0.005
-Maker = Callable[[Sequence[Slot]], list[Floats]]
+_RIDGE = 1e-11
+_SPANNED = 1e-7  # of a column's own power: less is rounding, and the model has it already
+Maker = Callable[[Sequence[Slot]], list[Run]]
+
+
+@dataclass(frozen=True, slots=True)
+class Units:
+    """Blocks of BLOCK_S of one channel of one trial, U of them.
+
+    Attributes:
+        block: number of the block of time to which each belongs, (U,); rows: how many, (U,); key: of its
+            channel.
+        near: for each block, which blocks are itself or next to it in its trial, (B, B).
+        edges: for each run, where its units begin and end, and their numbers.
+    """
+
+    block: Index
+    rows: Floats
+    key: tuple[Key, ...]
+    near: Floats
+    edges: tuple[tuple[Index, Index], ...]
+
+    @property
+    def blocks(self) -> int:
+        """How many blocks of time, B."""
+        return len(self.near)
 
 
 @dataclass(frozen=True, slots=True)
 class Table:
-    """Whitened rows with the base model regressed out; columns are the slots' alone.
+    """Whitened rows of the fit part.
 
     Attributes:
-        runs: of the fit part; G: their Gram matrix; rows: how many.
-        slots: candidates at their shapes.
-        make: columns of further slots on the same rows, alike whitened and freed of the base model.
+        runs: target without the base model's part; base: orthonormal directions over all rows.
+        G: Gram matrix of [target | columns of the slots] with the base model regressed out, (1 + K, 1 + K).
+        slots: terms at their shapes.
+        make: whitened runs of further slots on the same rows.
+        extra: rows of references (weighed payloads, an earlier robot) come last among the runs.
     """
 
     runs: tuple[Run, ...]
     G: Floats
-    rows: int
     slots: tuple[Slot, ...]
-    make: Maker
+    units: Units
+    noise: Noise
+    make: Maker = field(repr=False)
 
-    def columns(self, active: Sequence[int]) -> list[int]:
-        """Columns of the slots in `active`, in their order."""
-        return [k for s in active for k in range(self.slots[s].columns.start, self.slots[s].columns.stop)]
+    @property
+    def rows(self) -> int:
+        """How many rows."""
+        return sum(len(run.target) for run in self.runs)
 
-    def with_shapes(self, candidate: Candidate, shapes: Sequence[float]) -> "Table":
-        """The table with the candidate's columns at further shapes behind the others."""
-        width = self.runs[0].design.shape[1]
-        fresh = slots_of([replace(candidate, shapes=tuple(shapes))], width)
-        fresh = [replace(slot, candidate=candidate) for slot in fresh]
-        columns = self.make(fresh)
-        runs = [
-            replace(run, design=np.hstack([run.design, new]))
-            for run, new in zip(self.runs, columns, strict=True)
+    def columns(self, slots: Sequence[int]) -> Index:
+        """Columns of the given slots, in their order."""
+        parts = [np.arange(self.slots[s].columns.start, self.slots[s].columns.stop) for s in slots]
+        return np.concatenate(parts) if parts else np.zeros(0, dtype=np.intp)
+
+    def term(self, slot: int) -> Term:
+        """The slot's term."""
+        return self.slots[slot].term
+
+    def with_shapes(self, term: Term, shapes: Sequence[float]) -> "Table":
+        """The table with the term's columns at further shapes behind the others."""
+        fresh = [
+            replace(slot, term=term)
+            for slot in slots_of([replace(term, shapes=tuple(shapes))], len(self.G) - 1)
         ]
-        old = np.concatenate([np.column_stack([run.target, run.design]) for run in self.runs])
-        new = np.concatenate(columns)
-        cross = old.T @ new
-        G = np.block([[self.G, cross], [cross.T, new.T @ new]])
+        made = self.make(fresh)
+        runs, width = [], fresh[-1].columns.stop - fresh[0].columns.start
+        first = len(self.G)
+        G = np.zeros((first + width, first + width))
+        G[:first, :first] = self.G
+        added = np.arange(first, first + width)
+        B = np.zeros((self.runs[0].base.shape[1], width))
+        for run, new in zip(self.runs, made, strict=True):
+            B += run.base.T @ new.columns(added - 1)
+        for run, new in zip(self.runs, made, strict=True):
+            own = new.columns(added - 1) - run.base @ B
+            index = np.concatenate([[0], 1 + run.used])
+            G[np.ix_(index, added)] += np.column_stack([run.target, run.design]).T @ own
+            G[first:, first:] += own.T @ own
+            runs.append(
+                replace(
+                    run,
+                    used=np.concatenate([run.used, new.used]),
+                    design=np.concatenate([run.design, new.design], axis=1),
+                )
+            )
+        G[first:, :first] = G[:first, first:].T
         return replace(self, runs=tuple(runs), G=G, slots=(*self.slots, *fresh))
 
 
-def table_of(runs: Sequence[Run], slots: Sequence[Slot], make: Maker) -> Table:
-    """From runs whose base columns are gone; slots count from column 0."""
-    fit = tuple(run for run in runs if run.part == "fit")
-    total = gram(fit)
-    return Table(fit, total.G, total.rows, tuple(slots), make)
+def table_of(runs: Sequence[Run], slots: Sequence[Slot], noise: Noise, make: Maker) -> Table:
+    """From whitened runs of the fit part."""
+    stacked = np.concatenate([run.base for run in runs])
+    stacked = stacked / (np.linalg.norm(stacked, axis=0) + 1e-300)
+    # By QR on the rows themselves: the signal is ten thousand times the noise, and a Gram matrix would square
+    # that. Pivoted: a column that the others span would else leave an arbitrary direction to those behind it.
+    Q, R, _ = linalg.qr(stacked, mode="economic", pivoting=True, check_finite=False)
+    Q = Q[:, np.abs(np.diag(R)) > 1e-9]
+    target = np.concatenate([run.target for run in runs])
+    target = target - Q @ (Q.T @ target)
+    cuts = np.cumsum([len(run.target) for run in runs])[:-1]
+    plain = [
+        replace(run, target=own, base=base)
+        for run, own, base in zip(runs, np.split(target, cuts), np.split(Q, cuts), strict=True)
+    ]
+    width = slots[-1].columns.stop if slots else 0
+    G, X = np.zeros((1 + width, 1 + width)), np.zeros((Q.shape[1], 1 + width))
+    for run in plain:
+        index = np.concatenate([[0], 1 + run.used])
+        Z = np.column_stack([run.target, run.design])
+        G[np.ix_(index, index)] += Z.T @ Z
+        X[:, index] += run.base.T @ Z
+    return Table(tuple(plain), G - X.T @ X, tuple(slots), units_of(plain), noise, make)
 
 
-def price(slot: Slot, rows: int) -> float:
-    """Schwarz's price of a candidate's parameters, the non-linear one among them."""
-    return float(np.log(rows)) * (slot.candidate.size + (len(slot.candidate.shapes) > 1))
+def units_of(runs: Sequence[Run]) -> Units:
+    """The blocks of the given runs."""
+    numbers: dict[tuple[str, int], int] = {}
+    block: list[int] = []
+    rows: list[float] = []
+    key: list[Key] = []
+    edges: list[tuple[Index, Index]] = []
+    for run in runs:
+        own = (run.times // BLOCK_S).astype(int)
+        begins = np.concatenate([[0], np.flatnonzero(np.diff(own)) + 1]).astype(np.intp)
+        first = len(block)
+        for begin, end in zip(begins, [*begins[1:], len(own)], strict=True):
+            block.append(numbers.setdefault((run.trial, int(own[begin])), len(numbers)))
+            rows.append(float(end - begin))
+            key.append(run.key)
+        edges.append((begins, np.arange(first, len(block))))
+    near = np.eye(len(numbers))
+    for (trial, number), place in numbers.items():
+        for other in (number - 1, number + 1):
+            if (trial, other) in numbers:
+                near[place, numbers[trial, other]] = 1.0
+    return Units(np.array(block, dtype=np.intp), np.array(rows), tuple(key), near, tuple(edges))
 
 
-def worth(drop: float, slot: Slot, rows: int) -> float:
-    """Score of a drop of the RSS: less the price, and less a part of the drop for each parameter.
-
-    Of an effect a hundred times the noise, what the model's own small errors leave is significant too; a
-    parameter more is believed if it explains half a percent more.
-    """
-    parameters = slot.candidate.size - slot.candidate.nuisance + (len(slot.candidate.shapes) > 1)
-    known = 1.0 - _PARSIMONY * parameters if is_known(slot) else 1.0
-    return known * drop - price(slot, rows)
+def residuals(table: Table, columns: Index) -> list[Floats]:
+    """What base model and the given columns, fitted to all rows, leave in each run, (N,)."""
+    beta, _ = solve(table.G, columns)
+    left = [run.target - run.columns(columns) @ beta for run in table.runs]
+    base = sum(run.base.T @ r for run, r in zip(table.runs, left, strict=True))
+    return [r - run.base @ base for run, r in zip(table.runs, left, strict=True)]
 
 
-def is_known(slot: Slot) -> bool:
-    """A row of the catalogue, not a curve without a cause."""
-    return slot.candidate.effect != UNATTRIBUTED
+def unit_grams(table: Table, columns: Index) -> Floats:
+    """Gram matrices of [target | base | columns], one for each unit, (U, m, m)."""
+    m = 1 + table.runs[0].base.shape[1] + len(columns)
+    result = np.zeros((len(table.units.rows), m, m))
+    for run, (begins, places) in zip(table.runs, table.units.edges, strict=True):
+        Z = np.column_stack([run.target, run.base, run.columns(columns)])
+        for place, part in zip(places, np.split(Z, begins[1:]), strict=True):
+            result[place] = part.T @ part
+    return result
 
 
-def score_of(table: Table, rest: Sequence[int], s: int) -> float:
-    """Drop of the RSS less the price, the rest given."""
-    P = projected(table.G, table.columns(rest))
-    return worth(gain(P, table.G, table.slots[s].columns), table.slots[s], table.rows)
+def solve(G: Floats, columns: Index) -> tuple[Floats, float]:
+    """Least-squares coefficients on the given columns, and the residual sum of squares."""
+    index = np.asarray(columns, dtype=int) + 1
+    if len(index) == 0:
+        return np.zeros(0), float(G[0, 0])
+    A, b = G[np.ix_(index, index)], G[index, 0]
+    size = np.sqrt(np.maximum(np.diag(A), 1e-300))
+    # Terms that are alike to first order (a delay, a lag) share what they explain.
+    values, vectors = np.linalg.eigh(A / np.outer(size, size))
+    good = values > _RIDGE * values[-1]
+    beta: Floats = (vectors[:, good] / values[good]) @ (vectors[:, good].T @ (b / size)) / size
+    return beta, float(G[0, 0] - b @ beta)
 
 
-def ranking(table: Table, active: Sequence[int], *, known: bool = True) -> list[tuple[float, int]]:
-    """(score, slot) of every slot that may be added to `active`, best first; score: drop of RSS less price.
-
-    Args:
-        known: rows of the catalogue; otherwise the curves without a cause.
-    """
-    P = projected(table.G, table.columns(active))
-    taken = {(table.slots[s].candidate.effect, table.slots[s].candidate.where) for s in active}
-    scored = []
-    for index, slot in enumerate(table.slots):
-        if is_known(slot) != known or (slot.candidate.effect, slot.candidate.where) in taken:
-            continue
-        scored.append((worth(gain(P, table.G, slot.columns), slot, table.rows), index))
-    return sorted(scored, reverse=True)
+def projected(G: Floats, columns: Index) -> Floats:
+    """G with the given columns swept out: what is left of target and terms beside them."""
+    index = np.asarray(columns, dtype=int) + 1
+    if len(index) == 0:
+        return G
+    A = G[np.ix_(index, index)]
+    size = np.sqrt(np.maximum(np.diag(A), 1e-300))
+    A = A / np.outer(size, size) + _RIDGE * np.eye(len(size))
+    B = G[index] / size[:, None]
+    result: Floats = G - B.T @ np.linalg.solve(A, B)
+    return result
 
 
-def admissible(table: Table, active: Sequence[int]) -> bool:
-    """Whether every effect of `active` has physically possible parameters when all are fitted together."""
-    beta, _ = solve(table.G, table.columns(active))
-    first = 0
-    for s in active:
-        slot = table.slots[s]
-        if not slot.candidate.gate(beta[first : first + slot.candidate.size], slot.shape):
-            return False
-        first += slot.candidate.size
-    return True
-
-
-def possible(table: Table, active: Sequence[int], curves: Sequence[int]) -> list[int]:
-    """The effects of `active` whose parameters are physically possible when all are fitted together."""
-    beta, _ = solve(table.G, table.columns([*active, *curves]))
-    kept, first = [], 0
-    for s in active:
-        slot = table.slots[s]
-        if slot.candidate.gate(beta[first : first + slot.candidate.size], slot.shape):
-            kept.append(s)
-        first += slot.candidate.size
-    return kept
+def drop(P: Floats, G: Floats, columns: slice) -> float:
+    """Drop of the residual sum of squares by a slot's columns, P = projected(G, those in the model)."""
+    index = np.arange(columns.start, columns.stop) + 1
+    index = index[np.diag(P)[index] > _SPANNED * np.maximum(np.diag(G)[index], 1e-300)]
+    if len(index) == 0:
+        return 0.0
+    A, b = P[np.ix_(index, index)], P[index, 0]
+    size = np.sqrt(np.diag(A))
+    values, vectors = np.linalg.eigh(A / np.outer(size, size))
+    good = values > 1e-6
+    return float(np.sum((vectors[:, good].T @ (b / size)) ** 2 / values[good]))

@@ -1,136 +1,79 @@
-"""Effects that these data cannot tell apart, and the trial that could."""
+"""Effects that these data cannot tell apart, what would be reported under each, and the trial that tells."""
 
-from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from impid_host.diagnosis.evidence import solve
-from impid_host.diagnosis.result import Tie
-from impid_host.diagnosis.support import block_grams
-from impid_host.diagnosis.table import Table, admissible, ranking, score_of
-from impid_host.effects.effect import Candidate
-from impid_host.signals.arrays import Floats
+from impid_host.diagnosis.result import Chosen
+from impid_host.diagnosis.score import Explanation, difference
+from impid_host.diagnosis.search import RULES, Walk, not_clearly_worse
+from impid_host.diagnosis.table import Table
+from impid_host.effects.effect import Term
 
-_DECISIVE = 12.0  # twice a log-likelihood difference of six: odds of 400 to 1
-_NO_WORSE = 4.0
-_STANDARD_ERRORS = 2.5
-_RIVALS = 12
-
-# What would tell a pair of families apart; the first match counts.
-_TRIALS: tuple[tuple[frozenset[str], str], ...] = (
-    (
-        frozenset({"actuator.gain"}),
-        "a load trial with a force sensor, or a weighed payload",
-    ),
-    (
-        frozenset({"encoder.zero"}),
-        "a mechanical stop or a square against which each joint's zero is checked by itself",
-    ),
-    (
-        frozenset({"friction.asymmetric", "actuator.offset"}),
-        "a trial with long rests: an offset stays at standstill, dry friction does not",
-    ),
-    (
-        frozenset({"elastic.cartesian", "actuator.offset"}),
-        "a trial at rest at several places, with the drives off and on",
-    ),
-    (
-        frozenset({"elastic.joint", "actuator.offset"}),
-        "the torque at rest with the spring taken off, or its rest position measured",
-    ),
-    (frozenset({"load.damping", "load.delay"}), "a load trial with faster motion, up to 5 Hz"),
-    (frozenset({"elastic.cartesian", "elastic.joint"}), "a free trial over a larger range of both joints"),
-    (frozenset({"gravity.tilt", "accel.bias"}), "a free trial in which link 2 turns by 90 degrees or more"),
-    (frozenset({"accel.scale", "inertia.extra"}), "a free trial with a known payload"),
-    (
-        frozenset({"friction.coulomb", "friction.stribeck"}),
-        "a free trial with slow reversals and one with fast steady motion",
-    ),
-)
-_ANY = "a free trial over a larger range and with a wider band of speeds"
+_RIVALS = 4
 
 
-def ties(table: Table, active: Sequence[int]) -> list[Tie]:
-    """For each effect, the rivals that would do about as well in its place, the other effects given."""
-    found = []
-    for s in active:
-        rest = [other for other in active if other != s]
-        labels = [table.slots[s].candidate.label]
-        near = [rival for rival in _rivals(table, rest, s) if within_reach(table, rest, s, rival)]
-        labels += [table.slots[rival].candidate.label for rival in near]
-        labels = list(dict.fromkeys([*labels, *decomposed(table.slots[s].candidate, joints_of(table))]))
-        if len(labels) > 1:
-            found.append(Tie(tuple(labels), telling_trial(labels)))
-    return found
+@dataclass(frozen=True, slots=True)
+class Rivals:
+    """For one name of the chosen set: slots about as good in its place, and what it holds by its equation.
+
+    Attributes:
+        se: standard error of the difference to each rival, nats.
+    """
+
+    slot: int
+    others: tuple[int, ...]
+    se: tuple[float, ...]
+    labels: tuple[str, ...]
 
 
-def joints_of(table: Table) -> int:
-    """How many channels of torque there are."""
-    return len({run.channel for run in table.runs if run.family == "torque"})
-
-
-def telling_trial(labels: Sequence[str]) -> str:
-    """What would tell the labelled effects apart."""
-    names = {label.split("@", maxsplit=1)[0] for label in labels}
-    return next((words for pair, words in _TRIALS if pair <= names), _ANY)
-
-
-def within_reach(table: Table, rest: Sequence[int], s: int, rival: int) -> bool:
-    """Whether the rival's likelihood is as good, or not worse by a significant amount (Vuong's test)."""
-    lead = score_of(table, rest, s) - score_of(table, rest, rival)
-    more = table.slots[rival].candidate.size > table.slots[s].candidate.size
-    # A rival with more parameters that explains no more is the same effect with idle parts, not a rival.
-    if lead < (_NO_WORSE if more else _DECISIVE):
-        return True
-    if more:
-        return False
-    ours = _block_squares(table, [*rest, s])
-    theirs = _block_squares(table, [*rest, rival])
-    difference = theirs - ours
-    spread = float(np.std(difference) * np.sqrt(len(difference)))
-    return bool(difference.sum() < _STANDARD_ERRORS * spread)
-
-
-def _rivals(table: Table, rest: Sequence[int], s: int) -> list[int]:
-    own = table.slots[s].candidate
-    seen = {own.label}
-    result: list[int] = []
-    top = score_of(table, rest, s)
-    for score, other in ranking(table, rest):
-        candidate = table.slots[other].candidate
-        if score < 0.8 * top - _DECISIVE or len(result) >= _RIVALS:
-            break
-        if candidate.label in seen or _same_thing(candidate, own) or not admissible(table, [*rest, other]):
+def rivals(walk: Walk, best: Explanation) -> list[Rivals]:
+    """For each name, what else predicts not clearly worse in its place, the other terms given."""
+    result = []
+    for place, s in enumerate(best.slots):
+        term = walk.table.term(s)
+        if not term.named:
             continue
-        seen.add(candidate.label)
-        result.append(other)
+        rest = [o for k, o in enumerate(best.slots) if k != place]
+        found: dict[str, tuple[int, float]] = {}
+        for r in walk.contenders(walk.score(rest)):
+            other = walk.table.term(r)
+            # What holds the term itself among more is no rival: the rest of it lies idle.
+            if (
+                not other.named
+                or same_thing(other, term)
+                or term.label in other.holds
+                or len(found) >= _RIVALS
+            ):
+                continue
+            slots = walk.refined((*rest, r))
+            new = walk.score(slots)
+            if walk.is_possible(new) and not_clearly_worse(new, best, RULES):
+                found.setdefault(other.label, (slots[-1], difference(best, new).se))
+        labels = list(dict.fromkeys([term.label, *found, *term.holds]))
+        result.append(
+            Rivals(
+                s, tuple(k for k, _ in found.values()), tuple(se for _, se in found.values()), tuple(labels)
+            )
+        )
     return result
 
 
-def _same_thing(one: Candidate, other: Candidate) -> bool:
+def same_thing(one: Term, other: Term) -> bool:
     """An effect on x and the same effect on x and y are no rivals."""
     return one.effect == other.effect and bool(set(one.where) & set(other.where))
 
 
-def decomposed(candidate: Candidate, joints: int) -> list[str]:
-    """What the effect holds besides itself, so that nobody can say whether that is there too.
-
-    While a joint moves, unequal dry friction is equal dry friction beside a constant torque; a spring's rest
-    position is a constant torque, about a joint exactly, at the end-effector nearly.
-    """
-    place = candidate.where[0]
-    if candidate.effect == "friction.asymmetric":
-        return [f"friction.coulomb@{place}", f"actuator.offset@{place}"]
-    if candidate.effect == "elastic.joint":
-        return [f"actuator.offset@{place}"]
-    if candidate.effect == "elastic.cartesian":
-        return [f"actuator.offset@joint{joint + 1}" for joint in range(joints)]
-    return []
-
-
-def _block_squares(table: Table, active: Sequence[int]) -> Floats:
-    blocks = block_grams(table, active)
-    beta, _ = solve(blocks.sum(axis=0), range(blocks.shape[1] - 1))
-    weights = np.concatenate([[1.0], -beta])
-    result: Floats = np.einsum("i,bij,j->b", weights, blocks, weights)
-    return result
+def chosen_slots(table: Table, own: Explanation) -> list[Chosen]:
+    """The terms of a set with the values that the search has for them."""
+    columns = table.columns(own.slots)
+    G = table.G[np.ix_(columns + 1, columns + 1)]
+    covariance = np.asarray(np.linalg.pinv(G, hermitian=True), dtype=np.float64)
+    parts, first = [], 0
+    for s in own.slots:
+        slot = table.slots[s]
+        block = slice(first, first + slot.term.size)
+        first = block.stop
+        term = slot.term if slot.term.shaped else replace(slot.term, shapes=(slot.shape,))
+        parts.append(Chosen(term, slot.shape, own.beta[block], covariance[block, block]))
+    return parts

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from impid_host.diagnosis.holdout import Holdout
+from impid_host.diagnosis.holdout import SEALED, Holdout
 from impid_host.diagnosis.proof import StageFit, channel, fitted
 from impid_host.diagnosis.refit import Refit
 from impid_host.diagnosis.result import Trace
@@ -17,16 +17,17 @@ from impid_host.signals.arrays import Floats
 def traces(bench: Bench, first: Refit, last: Refit) -> tuple[Trace, ...]:
     """Of every trial and channel: tau1, tau2 in free motion, fx, fy under load."""
     before, after = (
-        fitted(fit.views, fit.chosen, bench.base, bench.holdout, bench.prior) for fit in (first, last)
+        fitted(fit.views, fit.chosen, bench.case.base, bench.case.holdout, bench.prior)
+        for fit in (first, last)
     )
     result: list[Trace] = []
     for (view, one), (_, other) in zip(before.free, after.free, strict=True):
         pair = [(one, before.robot.value), (other, after.robot.value)]
         result += [
-            _trace(f"tau{joint + 1}", view, pair, joint, bench.holdout, _joint(view, joint))
+            _trace(f"tau{joint + 1}", view, pair, joint, bench.case.holdout, _joint(view, joint))
             for joint in range(view.joints)
         ]
-    for name, _ in bench.base.loads:
+    for name, _ in bench.case.base.loads:
         result += _of_load(name, before, after, bench)
     return tuple(result)
 
@@ -36,8 +37,8 @@ def _of_load(name: str, before: StageFit, after: StageFit, bench: Bench) -> list
     for (view, one), (_, other) in zip(before.virtual[name], after.virtual[name], strict=True):
         pair = [(one, before.loads[name].value), (other, after.loads[name].value)]
         motion = _tip(view) if view.joints > 1 else _joint(view, 0)
-        keys = [channel("f", axis, has_torque=bool(before.free)) for axis in bench.base.model.task_axes]
-        result += [_trace(key, view, pair, axis, bench.holdout, motion) for axis, key in enumerate(keys)]
+        keys = [channel("f", axis, has_torque=bool(before.free)) for axis in bench.case.base.model.task_axes]
+        result += [_trace(key, view, pair, axis, bench.case.holdout, motion) for axis, key in enumerate(keys)]
     return result
 
 
@@ -49,7 +50,7 @@ def _trace(
     holdout: Holdout,
     motion: dict[str, Floats],
 ) -> Trace:
-    parts = [series(equation, value, holdout.mask(view, "validation")) for equation, value in pair]
+    parts = [series(equation, value, holdout.mask(view, SEALED)) for equation, value in pair]
     shown = parts[0].shown & parts[1].shown
     step = max(1, round(view.rate_hz / SERIES_RATE_HZ))
     before, after = ((part.target - part.fit)[shown, column] for part in parts)

@@ -9,10 +9,10 @@ from collections.abc import Sequence
 import numpy as np
 from scipy import ndimage, signal
 
-from impid_host.diagnosis.evidence import solve
+from impid_host.diagnosis.noise import Taps
 from impid_host.diagnosis.result import Structure
-from impid_host.diagnosis.rows import Run, Taps
-from impid_host.diagnosis.table import Table
+from impid_host.diagnosis.rows import Run
+from impid_host.diagnosis.table import Table, residuals
 from impid_host.signals.arrays import Floats
 
 _HIGHEST_HZ = 2.5  # noise of a drive has its corner above; a walk stands out below
@@ -28,18 +28,17 @@ _SMOOTH_S = 1.0
 
 def wandering(table: Table, active: Sequence[int], taps: Taps) -> list[Structure]:
     """One entry for each torque channel whose residual is a random walk."""
-    columns = table.columns(active)
-    beta, _ = solve(table.G, columns)
+    left = list(zip(table.runs, residuals(table, table.columns(active)), strict=True))
     result = []
     for key in sorted({run.key for run in table.runs if run.family == "torque"}):
-        runs = [run for run in table.runs if run.key == key and len(run.target) * run.step_s > 8.0]
-        if not runs:
+        own = [(run, r) for run, r in left if run.key == key and len(r) * run.step_s > 8.0]
+        if not own:
             continue
-        residuals = [run.target - run.design[:, columns] @ beta for run in runs]
-        frequency, power = _periodograms(residuals, runs[0].step_s, taps[key])
+        runs, rows = [run for run, _ in own], [r for _, r in own]
+        frequency, power = _periodograms(rows, runs[0].step_s, taps[key])
         found = _walk(frequency, power)
         if found is not None:
-            result.append(_structure(f"tau{key[1] + 1}", runs, residuals, taps[key], *found))
+            result.append(_structure(f"tau{key[1] + 1}", runs, rows, taps[key], *found))
     return result
 
 

@@ -1,42 +1,68 @@
-"""An effect: a row of the catalogue, and the candidates by which a diagnosis tries it."""
+"""An effect: a row of the catalogue, and the terms by which a model may hold it.
 
-from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field
+A term owns all that anybody asks about it: what it adds to which measurement, in which trials, the bounds of
+its parameters, how it is taken out of a signal exactly, what it holds of other effects by its equation. Code
+elsewhere asks these properties and never a name.
+"""
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Literal
 
 import numpy as np
 
 from impid_host.effects.view import Columns, View
 from impid_host.signals.arrays import Floats
 
-Value = float | list[float] | list[list[float]]
+Plain = float | list[float] | list[list[float]]
+Value = Plain | dict[str, Plain]
+"""A reported parameter; where trials or loads have one each, by their name."""
+When = Literal["all", "free", "load"]
+Carries = Literal["machine", "record", "load"]
 Fit = Callable[[View, float], Columns]
 Read = Callable[[Floats, float], Mapping[str, Value]]
 Gate = Callable[[Floats, float], bool]
+Undo = Callable[[View, Floats, float], View]
+
+UNATTRIBUTED = "unattributed"
 
 
 @dataclass(frozen=True, slots=True)
 class Parameter:
-    """A parameter as diagnosis-format names it; SI unit; `low` and `high` bound what is physical."""
+    """A parameter as diagnosis-format names it; SI unit; `low` and `high` bound what is physical.
+
+    Attributes:
+        amplitude: an effect is not there where this is zero, so that its interval must exclude zero.
+        least: half width of the region of practical equivalence: nobody would care about less.
+        none: the value at which the effect is not there.
+    """
 
     name: str
     unit: str
     low: float = -np.inf
     high: float = np.inf
+    amplitude: bool = False
+    least: float = 0.0
+    none: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
 class Setting:
-    """What of the apparatus decides which candidates make sense.
+    """What of the apparatus decides which terms make sense.
 
     Attributes:
         joints: number of joints; slides: which of them are prismatic, n of them.
         planar: two task axes; axes: how many there are; rotary_load: the load is a torque at the joint;
             bare: that torque is measured, and no drive stands between sensor and load.
+        gravity: the robot's model has gravity already.
+        links_m: declared link lengths, m.
         span: range of each joint's angle, rad (m), (n,).
         speed: 95th percentile of each joint's speed, rad/s (m/s), (n,).
         reach: range of the end-effector in load trials, m; 0 without load trials.
-        loads: names of the loads, and which load model each has.
-        accelerometer, second_clock, force_sensor, spring: what there is.
+        springs, arms: names of the loads of either kind; trials: names of all trials; loaded: of those under
+            load.
+        accelerometer, second_clock, force_sensor: what there is.
+        referenced: a weighed payload or an earlier robot is known, so that common factors show.
         duration_s: of the longest trial.
     """
 
@@ -46,39 +72,59 @@ class Setting:
     axes: int
     rotary_load: bool
     bare: bool
+    gravity: bool
+    links_m: tuple[float, ...]
     span: Floats
     speed: Floats
     reach: float
     springs: tuple[str, ...]
     arms: tuple[str, ...]
+    trials: tuple[str, ...]
+    loaded: tuple[str, ...]
     accelerometer: bool
     second_clock: bool
     force_sensor: bool
+    referenced: bool
     duration_s: float
+
+    @property
+    def loads(self) -> tuple[str, ...]:
+        """Names of all loads."""
+        return (*self.springs, *self.arms)
+
+    @property
+    def both(self) -> bool:
+        """There are free and loaded trials, so that an effect may be in some of them only."""
+        return bool(self.loaded) and len(self.loaded) < len(self.trials)
 
 
 def no_gate(_beta: Floats, _shape: float) -> bool:
-    """The gate of an effect that any parameters suit."""
+    """The gate of a term that any parameters suit."""
     return True
 
 
 @dataclass(frozen=True, slots=True)
-class Candidate:
+class Term:
     """One way in which an effect may be present: linear parameters beta (q,), at most one non-linear `shape`.
 
     Attributes:
-        where: as diagnosis-format says.
+        where: as diagnosis-format says; when: in which trials it acts.
         columns: what one unit of each linear parameter adds to each family's measurement.
         read: beta and shape -> the parameters that are reported.
         size: q.
         shapes: values of the non-linear parameter to try; one meaningless 0 where there is none.
-        gate: whether beta and shape are physically possible (a friction does not drive).
+        gate: whether beta and shape are physically possible beyond the catalogue's bounds.
         nuisance: how many of the columns are of the apparatus, not of the effect: it has them anyway.
-        variant: what tells candidates of one name and place apart.
+        variant: what tells terms of one name and place apart.
         units: of the reported parameters, where they differ from the catalogue's.
         undo: takes the effect out of a trial exactly, where subtracting its columns would not.
-        finer: the same effect with one positive parameter more, too fine to choose by, but whose neglect
-            would bias the others; fines: where to begin looking for it.
+        stretch: beta -> by family and channel, the factor by which `undo` scales what was measured, noise and all;
+            fits that undo different things are compared in the units of the log.
+        by_model: its columns follow the present model, which follows its parameters in turn.
+        fine: the shape is too fine to be reported, but its neglect would bias the others.
+        own: trials or loads that have a value each, in the order of the blocks of beta; empty where one is
+            for all.
+        holds: labels of effects that the term contains by its equation: nobody can say if they are there.
     """
 
     effect: str
@@ -90,15 +136,38 @@ class Candidate:
     gate: Gate = no_gate
     nuisance: int = 0
     variant: str = ""
+    when: When = "all"
     units: Mapping[str, str] = field(default_factory=dict)
-    undo: Callable[[View, Floats], View] | None = None
-    finer: "Callable[[float], Candidate] | None" = None
-    fines: tuple[float, ...] = ()
+    undo: Undo | None = None
+    stretch: Callable[[Floats], Mapping[tuple[str, int], float]] | None = None
+    by_model: bool = False
+    fine: bool = False
+    own: tuple[str, ...] = ()
+    holds: tuple[str, ...] = ()
 
     @property
     def label(self) -> str:
         """`name@place`, as in `ambiguous`."""
         return f"{self.effect}@{'+'.join(self.where)}"
+
+    @property
+    def named(self) -> bool:
+        """A row of the catalogue, not a structure without a cause."""
+        return self.effect != UNATTRIBUTED
+
+    @property
+    def shaped(self) -> bool:
+        """It has a non-linear parameter."""
+        return len(self.shapes) > 1
+
+    @property
+    def parameters(self) -> int:
+        """How many parameters a score must pay for."""
+        return self.size - self.nuisance + self.shaped
+
+    def acts_in(self, view: View) -> bool:
+        """Whether the effect may act in this trial."""
+        return self.when == "all" or (view.load is None) == (self.when == "free")
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,24 +180,39 @@ class Effect:
         acts_on: robot, actuator, sensor, clock or load.
         parameters: with units and bounds.
         source: where the equation is from.
-        candidates: how it may be present in a study of the given setting.
+        terms: how it may be present in a study of the given setting.
+        carries: what it belongs to: the machine, the record or the load.
+        tells: what trial or weighing tells it from others, by their name; "" for any.
+        adds_to: matrices of a load to which a parameter of the same name adds.
     """
 
     name: str
     equation: str
-    acts_on: str
+    acts_on: Literal["robot", "actuator", "sensor", "clock", "load"]
     parameters: tuple[Parameter, ...]
     source: str
-    candidates: Callable[[Setting], Iterable[Candidate]] = field(repr=False)
+    terms: Callable[[Setting], Iterable[Term]] = field(repr=False)
+    carries: Carries = "machine"
+    tells: Mapping[str, str] = field(default_factory=dict)
+    adds_to: tuple[str, ...] = ()
+
+    def parameter(self, name: str) -> Parameter:
+        """The named parameter."""
+        return next(row for row in self.parameters if row.name == name)
 
     def unit(self, parameter: str) -> str:
         """Unit of the named parameter."""
-        return next(row.unit for row in self.parameters if row.name == parameter)
+        return self.parameter(parameter).unit
 
 
 def joint_name(joint: int) -> str:
     """`joint1` for 0."""
     return f"joint{joint + 1}"
+
+
+def everywhere(setting: Setting) -> tuple[str, ...]:
+    """Names of all joints."""
+    return tuple(joint_name(joint) for joint in range(setting.joints))
 
 
 def on_joint(view: View, joint: int, *columns: Floats) -> Columns:
@@ -156,6 +240,13 @@ def by_load(view: View, *forces: Floats) -> Columns:
     return columns
 
 
+def along(column: Floats, axis: int, axes: int = 2) -> Floats:
+    """A vector (N, axes) that has `column` (N,) along one axis."""
+    force = np.zeros((len(column), axes))
+    force[:, axis] = column
+    return force
+
+
 def sign_mean(omega: Floats, acc: Floats, dt: float) -> Floats:
     """sign(omega) averaged over the sample, so that a reversal between two instants keeps its time."""
     reach = np.maximum(0.5 * dt * np.abs(acc), 1e-12)
@@ -165,3 +256,74 @@ def sign_mean(omega: Floats, acc: Floats, dt: float) -> Floats:
 def amplitude_phase(c: float, s: float) -> tuple[float, float]:
     """c cos(u) + s sin(u) = amplitude * sin(u + phase)."""
     return float(np.hypot(c, s)), float(np.arctan2(c, s))
+
+
+def in_some_trials(term: Term, setting: Setting, *when: When) -> list[Term]:
+    """The term itself, and where there are free and loaded trials the same in some of them only."""
+    if not setting.both:
+        return [term]
+    return [term, *(replace(term, when=part) for part in when)]
+
+
+def each_has_its_own(term: Term, names: Sequence[str], key: Callable[[View], str | None]) -> Term:
+    """The term with parameters of its own for each of the named trials or loads.
+
+    Args:
+        key: the name to which a trial belongs.
+    """
+    names = tuple(names)
+    place = {name: k for k, name in enumerate(names)}
+    q = term.size
+
+    def block(view: View, beta: Floats) -> Floats | None:
+        k = place.get(key(view) or "")
+        return None if k is None else beta[q * k : q * (k + 1)]
+
+    def columns(view: View, shape: float) -> Columns:
+        k = place.get(key(view) or "")
+        if k is None:
+            return {}
+        result = {}
+        for family, own in term.columns(view, shape).items():
+            wide = np.zeros((*own.shape[:2], q * len(names)))
+            wide[:, :, q * k : q * (k + 1)] = own
+            result[family] = wide
+        return result
+
+    def read(beta: Floats, shape: float) -> dict[str, Value]:
+        found: dict[str, dict[str, Plain]] = {}
+        for name, k in place.items():
+            for parameter, value in term.read(beta[q * k : q * (k + 1)], shape).items():
+                assert not isinstance(value, dict)
+                found.setdefault(parameter, {})[name] = value
+        return dict(found)
+
+    def gate(beta: Floats, shape: float) -> bool:
+        return all(term.gate(beta[q * k : q * (k + 1)], shape) for k in range(len(names)))
+
+    undo = term.undo
+
+    def undone(view: View, beta: Floats, shape: float) -> View:
+        own = block(view, beta)
+        return view if own is None or undo is None else undo(view, own, shape)
+
+    return replace(
+        term,
+        columns=columns,
+        read=read,
+        size=q * len(names),
+        gate=gate,
+        undo=None if undo is None else undone,
+        own=names,
+        variant=f"{term.variant} each".strip(),
+    )
+
+
+def each_trial(term: Term, setting: Setting, *, loaded: bool = False) -> Term:
+    """A value for each trial, or for each trial under load."""
+    return each_has_its_own(term, setting.loaded if loaded else setting.trials, lambda view: view.name)
+
+
+def each_load(term: Term, loads: Sequence[str]) -> Term:
+    """A value for each of the loads."""
+    return each_has_its_own(term, loads, lambda view: view.load)

@@ -7,14 +7,16 @@ import numpy as np
 from scipy.interpolate import BSpline
 
 from impid_host.effects.effect import (
-    Candidate,
     Effect,
     Parameter,
     Setting,
+    Term,
     Value,
     amplitude_phase,
+    each_trial,
     joint_name,
 )
+from impid_host.effects.sensitivity import sensitivity
 from impid_host.effects.view import Columns, View, advanced, rate_of, with_motion
 from impid_host.signals.arrays import Floats
 
@@ -36,64 +38,118 @@ def turning(setting: Setting) -> list[int]:
     return [joint for joint in range(setting.joints) if not setting.slides[joint]]
 
 
-def _sensitivity(view: View, *moved: View) -> Columns:
-    """Change of the prediction per rad of error."""
-    if view.respond is None:
-        return {}
-    base = view.respond(view)
-    answers = [view.respond(other) for other in moved]
-    return {
-        family: np.stack([(answer[family] - base[family]) / _STEP_RAD for answer in answers], axis=2)
-        for family in base
-    }
-
-
-def _zero(setting: Setting) -> Iterator[Candidate]:
+def _zero(setting: Setting) -> Iterator[Term]:
     for joint in turning(setting):
 
         def columns(view: View, _shape: float, joint: int = joint) -> Columns:
             flat = np.zeros_like(view.t)
-            return _sensitivity(view, shifted(view, joint, flat + _STEP_RAD, flat, flat))
+            return sensitivity(view, _STEP_RAD, shifted(view, joint, flat + _STEP_RAD, flat, flat))
 
         # What the encoder says at the true zero is `zero_rad` too much.
-        yield Candidate(
+        yield Term(
             "encoder.zero",
             (joint_name(joint),),
             columns,
             lambda beta, _shape: {"zero_rad": float(beta[0])},
-            gate=lambda beta, _shape: bool(abs(beta[0]) < 0.5),
-            undo=lambda view, beta, joint=joint: _unzeroed(view, joint, float(beta[0])),  # type: ignore[misc]
+            undo=lambda view, beta, _shape, joint=joint: _unzeroed(view, joint, float(beta[0])),  # type: ignore[misc]
+            by_model=True,
         )
 
 
-def _eccentricity(setting: Setting) -> Iterator[Candidate]:
+def _eccentricity(setting: Setting) -> Iterator[Term]:
     for joint in turning(setting):
 
         def columns(view: View, _shape: float, joint: int = joint) -> Columns:
             c = _STEP_RAD * np.cos(view.theta[:, joint])
             s = _STEP_RAD * np.sin(view.theta[:, joint])
-            return _sensitivity(view, shifted(view, joint, c, -s, -c), shifted(view, joint, s, c, -s))
+            return sensitivity(
+                view, _STEP_RAD, shifted(view, joint, c, -s, -c), shifted(view, joint, s, c, -s)
+            )
 
-        yield Candidate(
+        yield Term(
             "encoder.eccentricity",
             (joint_name(joint),),
             columns,
             _read_eccentricity,
             size=2,
             gate=lambda beta, _shape: bool(np.hypot(*beta) < 0.2),
-            undo=lambda view, beta, joint=joint: _centred(view, joint, beta),  # type: ignore[misc]
+            undo=lambda view, beta, _shape, joint=joint: _centred(view, joint, beta),  # type: ignore[misc]
+            by_model=True,
         )
+
+
+def _scale(setting: Setting) -> Iterator[Term]:
+    """Counts per turn other than declared: in the module's setup alone, or in the controller's as well."""
+    turn = turning(setting)
+    sets = [(joint,) for joint in turn]
+    for joints in [*sets, tuple(turn)] if len(turn) > 1 else sets:
+        for variant in ("module and controller", "module"):
+
+            def columns(
+                view: View, _shape: float, joints: tuple[int, ...] = joints, *, alone: bool = variant == "module"
+            ) -> Columns:
+                moved = [_stretched(view, joint, _STEP_RAD) for joint in joints]
+                result = sensitivity(view, _STEP_RAD, *moved)
+                if alone and view.theta_robot is not None and result:
+                    gone = np.zeros((len(view.t), view.joints, len(joints)))
+                    for q, joint in enumerate(joints):
+                        gone[:, joint, q] = view.theta[:, joint] - view.zero_rad[joint]
+                    result["angle"] = gone
+                return result
+
+            def undo(
+                view: View,
+                beta: Floats,
+                _shape: float,
+                joints: tuple[int, ...] = joints,
+                *,
+                alone: bool = variant == "module",
+            ) -> View:
+                true = view
+                for joint, more in zip(joints, beta, strict=True):
+                    true = _stretched(true, joint, float(more))
+                return true if alone else _by_both(view, true)
+
+            yield Term(
+                "encoder.scale",
+                tuple(joint_name(joint) for joint in joints),
+                columns,
+                _read_scale,
+                size=len(joints),
+                undo=undo,
+                by_model=True,
+                variant=variant,
+            )
+
+
+def _read_scale(beta: Floats, _shape: float) -> dict[str, Value]:
+    factors = [1.0 + float(b) for b in beta]
+    return {"factor": factors if len(factors) > 1 else factors[0]}
+
+
+def _stretched(view: View, joint: int, more: float) -> View:
+    """The trial had the joint turned by 1 + more of what the encoder says."""
+    flat = np.zeros_like(view.t)
+    gone = view.theta[:, joint] - view.zero_rad[joint]
+    return shifted(view, joint, -more * gone, flat - more, flat)
+
+
+def _by_both(view: View, true: View) -> View:
+    """The controller reads the same encoders: what is wrong with them is wrong in its reading."""
+    if view.theta_robot is None:
+        return true
+    return replace(true, theta_robot=view.theta_robot + true.theta - view.theta)
 
 
 def _unzeroed(view: View, joint: int, zero: float) -> View:
     flat = np.zeros_like(view.t)
-    return shifted(view, joint, flat + zero, flat, flat)
+    return _by_both(view, shifted(view, joint, flat + zero, flat, flat))
 
 
 def _centred(view: View, joint: int, beta: Floats) -> View:
     c, s = np.cos(view.theta[:, joint]), np.sin(view.theta[:, joint])
     error = beta[0] * c + beta[1] * s
-    return shifted(view, joint, error, beta[1] * c - beta[0] * s, -error)
+    return _by_both(view, shifted(view, joint, error, beta[1] * c - beta[0] * s, -error))
 
 
 def _read_eccentricity(beta: Floats, _shape: float) -> dict[str, float]:
@@ -116,10 +172,11 @@ def lateness(view: View, degree: int) -> Floats:
     return result
 
 
-def _drift(setting: Setting) -> Iterator[Candidate]:
+def _drift(setting: Setting) -> Iterator[Term]:
+    """The robot's clock wanders, in each trial by itself: it starts anew, and its temperature is another."""
     if not setting.second_clock:
         return
-    for degrees in ((2,), (2, 3), (2, 3, 4, 5)):
+    for degrees in ((2,), (2, 3, 4, 5)):
 
         def columns(view: View, _shape: float, degrees: tuple[int, ...] = degrees) -> Columns:
             if view.theta_robot is None:
@@ -130,28 +187,35 @@ def _drift(setting: Setting) -> Iterator[Candidate]:
                 "angle": np.stack([-view.omega * e for e in late], axis=2),
                 "torque": np.stack([-slope * e for e in late], axis=2),
             }
-            if view.load is not None and view.force is not None and view.respond is not None:
-                pull = rate_of(view.respond(view)["force"], view.dt)
+            if view.load is not None and view.force is not None and view.response is not None:
+                pull = rate_of(view.response["force"], view.dt)
                 result["force"] = np.stack([-pull * e for e in late], axis=2)
             return result
 
-        def read(beta: Floats, _shape: float) -> dict[str, Value]:
-            if len(beta) == 1:
-                return {"seconds": float(beta[0])}
-            u = np.linspace(-1.0, 1.0, 401)
-            path = np.polynomial.legendre.legval(u, np.concatenate([np.zeros(2), beta]))
-            return {"seconds": float(np.ptp(path)), "legendre": [float(b) for b in beta]}
+        def undo(view: View, beta: Floats, _shape: float, degrees: tuple[int, ...] = degrees) -> View:
+            return _retimed(view, degrees, beta)
 
-        yield Candidate(
+        wander = Term(
             "clock.drift",
             ("sensor",),
             columns,
-            read,
+            _read_drift,
             size=len(degrees),
-            gate=lambda beta, _shape: bool(max(abs(beta)) < 0.2),
+            gate=lambda beta, _shape: bool(np.max(np.abs(beta)) < 0.2),
             variant=f"degree {degrees[-1]}",
-            undo=lambda view, beta, degrees=degrees: _retimed(view, degrees, beta),  # type: ignore[misc]
+            undo=undo,
+            by_model=True,
         )
+        yield each_trial(wander, setting)
+
+
+def _read_drift(beta: Floats, _shape: float) -> dict[str, Value]:
+    """Seconds over the trial: P_2's coefficient, or the whole path from peak to peak."""
+    if len(beta) == 1:
+        return {"seconds": float(beta[0])}
+    u = np.linspace(-1.0, 1.0, 401)
+    path = np.polynomial.legendre.legval(u, np.concatenate([np.zeros(2), beta]))
+    return {"seconds": float(np.ptp(path)), "legendre": [float(b) for b in beta]}
 
 
 def _retimed(view: View, degrees: tuple[int, ...], beta: Floats) -> View:
@@ -205,7 +269,7 @@ EFFECTS = (
         "encoder.eccentricity",
         "reading = theta + amplitude_rad sin(theta + phase_rad)",
         "sensor",
-        (Parameter("amplitude_rad", "rad", 0, 0.2), Parameter("phase_rad", "rad")),
+        (Parameter("amplitude_rad", "rad", 0, 0.2, amplitude=True), Parameter("phase_rad", "rad")),
         "Hagiwara et al., IEEE Trans. Instrum. Meas. 41 (1992)",
         _eccentricity,
     ),
@@ -213,9 +277,20 @@ EFFECTS = (
         "encoder.zero",
         "reading = theta + zero_rad",
         "sensor",
-        (Parameter("zero_rad", "rad", -0.5, 0.5),),
+        (Parameter("zero_rad", "rad", -0.5, 0.5, least=1e-4),),
         "study format, Conventions",
         _zero,
+        carries="record",
+        tells={"": "a mechanical stop or a square against which each joint's zero is checked by itself"},
+    ),
+    Effect(
+        "encoder.scale",
+        "true angle - zero = factor * (declared angle - zero)",
+        "sensor",
+        (Parameter("factor", "1", 0.5, 2.0, least=2e-4, none=1.0),),
+        "study format, Conventions",
+        _scale,
+        tells={"": "one whole turn of the joint against a mark, with the counts before and after"},
     ),
     Effect(
         "clock.drift",
@@ -225,5 +300,6 @@ EFFECTS = (
         (Parameter("seconds", "s"), Parameter("legendre", "s")),
         "study format, Conventions",
         _drift,
+        carries="record",
     ),
 )

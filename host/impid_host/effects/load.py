@@ -1,21 +1,31 @@
 """What a load does beyond mass, damping and springs: additions to -F_ext = M x'' + B x' + K (x - x0)."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from dataclasses import replace
 
 import numpy as np
 
-from impid_host.effects.effect import Candidate, Effect, Parameter, Setting, Value, by_load
-from impid_host.effects.reflex import reflex_candidates
+from impid_host.effects.effect import (
+    Effect,
+    Parameter,
+    Setting,
+    Term,
+    Value,
+    along,
+    by_load,
+    each_load,
+    each_trial,
+    no_gate,
+)
+from impid_host.effects.friction import dahl
+from impid_host.effects.reflex import reflex_terms
 from impid_host.effects.view import Columns, View
 from impid_host.signals.arrays import Floats
 
 _PLACE = ("load",)
-
-
-def _alone(column: Floats, axis: int) -> Floats:
-    force = np.zeros((len(column), 2))
-    force[:, axis] = column
-    return force
+Course = Callable[[View, float], Floats]
+_SWITCHES = tuple(float(part) for part in np.linspace(0.15, 0.55, 6))  # of the trial; its end may be sealed
+_SWITCH = 0.05
 
 
 def _scalar(values: Floats) -> Value:
@@ -27,7 +37,7 @@ def _is_spring(view: View) -> bool:
     return view.kind == "mass-spring"
 
 
-def _damping(setting: Setting) -> Iterator[Candidate]:
+def _damping(setting: Setting) -> Iterator[Term]:
     if not setting.springs:
         return
 
@@ -37,9 +47,9 @@ def _damping(setting: Setting) -> Iterator[Candidate]:
     def per_axis(view: View, _shape: float) -> Columns:
         if not _is_spring(view):
             return {}
-        return by_load(view, _alone(view.v[:, 0], 0), _alone(view.v[:, 1], 1))
+        return by_load(view, along(view.v[:, 0], 0), along(view.v[:, 1], 1))
 
-    yield Candidate(
+    equal = Term(
         "load.damping",
         _PLACE,
         same,
@@ -47,9 +57,10 @@ def _damping(setting: Setting) -> Iterator[Candidate]:
         gate=lambda beta, _shape: bool(beta[0] > 0),
         variant="equal in x and y",
     )
+    yield from _for_loads(equal, setting.springs)
     if not setting.planar:
         return
-    yield Candidate(
+    yield Term(
         "load.damping",
         _PLACE,
         per_axis,
@@ -60,7 +71,14 @@ def _damping(setting: Setting) -> Iterator[Candidate]:
     )
 
 
-def _cubic(setting: Setting) -> Iterator[Candidate]:
+def _for_loads(term: Term, loads: tuple[str, ...]) -> Iterator[Term]:
+    """One value for all loads, and where there are several, one for each."""
+    yield term
+    if len(loads) > 1:
+        yield each_load(term, loads)
+
+
+def _cubic(setting: Setting) -> Iterator[Term]:
     if not (setting.springs or setting.arms):
         return
 
@@ -70,29 +88,25 @@ def _cubic(setting: Setting) -> Iterator[Candidate]:
 
     def per_axis(view: View, _shape: float) -> Columns:
         d = view.x - view.x0
-        return by_load(view, _alone(d[:, 0] ** 3, 0), _alone(d[:, 1] ** 3, 1))
+        return by_load(view, along(d[:, 0] ** 3, 0), along(d[:, 1] ** 3, 1))
 
     def one(view: View, _shape: float) -> Columns:
         return by_load(view, (view.x - view.x0) ** 3)
 
-    if setting.axes > 1:
-        yield Candidate(
-            "load.stiffness_cubic",
-            _PLACE,
-            radial,
-            lambda beta, _shape: {"cubic": float(beta[0])},
-            variant="radial",
-        )
-    yield Candidate(
+    equal = Term(
         "load.stiffness_cubic",
         _PLACE,
         one,
         lambda beta, _shape: {"cubic": float(beta[0])},
         variant="equal in x and y",
+        by_model=True,
     )
+    if setting.axes > 1:
+        yield from _for_loads(replace(equal, columns=radial, variant="radial"), setting.loads)
+    yield from _for_loads(equal, setting.loads)
     if not setting.planar:
         return
-    yield Candidate(
+    yield Term(
         "load.stiffness_cubic",
         _PLACE,
         per_axis,
@@ -102,18 +116,7 @@ def _cubic(setting: Setting) -> Iterator[Candidate]:
     )
 
 
-def dahl(position: Floats, width: float) -> Floats:
-    """Dahl's hysteresis of each column, in -1..1: dz = (1 - z sign(dx)) dx / width, (N, k)."""
-    z = np.zeros_like(position)
-    steps = np.diff(position, axis=0) / width
-    for k, step in enumerate(steps):
-        # Exact over a step of one direction: z relaxes towards it exponentially.
-        towards = np.sign(step)
-        z[k + 1] = towards + (z[k] - towards) * np.exp(-np.abs(step))
-    return z
-
-
-def _hysteresis(setting: Setting) -> Iterator[Candidate]:
+def _hysteresis(setting: Setting) -> Iterator[Term]:
     if not (setting.springs or setting.arms):
         return
     shapes = tuple(float(setting.reach * part) for part in (0.003, 0.01, 0.03, 0.08, 0.2))
@@ -121,7 +124,7 @@ def _hysteresis(setting: Setting) -> Iterator[Candidate]:
     def per_axis(view: View, width: float) -> Columns:
         if view.load is None:
             return {}
-        return by_load(view, dahl(view.x, width))
+        return by_load(view, np.stack([dahl(column, width) for column in view.x.T], axis=1))
 
     def along_motion(view: View, width: float) -> Columns:
         if view.load is None:
@@ -131,7 +134,7 @@ def _hysteresis(setting: Setting) -> Iterator[Candidate]:
         return by_load(view, view.v / np.hypot(speed, small))
 
     for variant, columns in (("x and y", per_axis), ("along the motion", along_motion)):
-        yield Candidate(
+        yield Term(
             "load.hysteresis",
             _PLACE,
             columns,
@@ -142,7 +145,7 @@ def _hysteresis(setting: Setting) -> Iterator[Candidate]:
         )
 
 
-def _deadzone(setting: Setting) -> Iterator[Candidate]:
+def _deadzone(setting: Setting) -> Iterator[Term]:
     if not (setting.springs or setting.arms):
         return
     shapes = tuple(float(setting.reach * part) for part in np.linspace(0.03, 0.45, 8))
@@ -163,7 +166,7 @@ def _deadzone(setting: Setting) -> Iterator[Candidate]:
 
     variants = (("radial", radial), ("x and y", per_axis))
     for variant, columns in variants if setting.axes > 1 else variants[:1]:
-        yield Candidate(
+        yield Term(
             "load.deadzone",
             _PLACE,
             columns,
@@ -171,10 +174,11 @@ def _deadzone(setting: Setting) -> Iterator[Candidate]:
             shapes=shapes,
             gate=lambda beta, _shape: bool(0.3 < beta[0] < 3.0),
             variant=variant,
+            by_model=True,
         )
 
 
-def _delay(setting: Setting) -> Iterator[Candidate]:
+def _delay(setting: Setting) -> Iterator[Term]:
     if not (setting.springs or setting.arms):
         return
 
@@ -187,7 +191,7 @@ def _delay(setting: Setting) -> Iterator[Candidate]:
         return by_load(view, late(view, view.x - view.x0, delay), late(view, view.v, delay))
 
     shapes = tuple(float(d) for d in np.linspace(0.03, 0.25, 12))
-    yield Candidate(
+    yield Term(
         "load.delay",
         _PLACE,
         columns,
@@ -196,12 +200,14 @@ def _delay(setting: Setting) -> Iterator[Candidate]:
         shapes=shapes,
         # A reflex pulls back; the late damping is known less well.
         gate=lambda beta, _delay: bool(beta[0] > 0),
+        by_model=True,
     )
-    yield from reflex_candidates(setting)
+    yield from reflex_terms(setting)
 
 
-def _drift(setting: Setting) -> Iterator[Candidate]:
-    if not (setting.springs or setting.arms):
+def _drift(setting: Setting) -> Iterator[Term]:
+    """The equilibrium moves, in each trial in its own direction."""
+    if not setting.loads:
         return
 
     def columns(view: View, _shape: float) -> Columns:
@@ -211,16 +217,80 @@ def _drift(setting: Setting) -> Iterator[Candidate]:
         t = (view.t - 0.5 * view.t[-1])[:, None]
         return by_load(view, *(-t * column for column in view.K.T))
 
-    yield Candidate(
+    moving = Term(
         "load.drift",
         _PLACE,
         columns,
         lambda beta, _shape: {"rate": _scalar(beta)},
         size=setting.axes,
+        by_model=True,
     )
+    yield moving
+    if len(setting.loaded) > 1:
+        yield each_trial(moving, setting, loaded=True)
 
 
-def _coupling(setting: Setting) -> Iterator[Candidate]:
+def _time_varying(setting: Setting) -> Iterator[Term]:
+    """K that grows or falls steadily in the course of a trial, or changes at once; B likewise."""
+    if not setting.loads:
+        return
+
+    def steadily(view: View, _shape: float) -> Floats:
+        return np.asarray(view.t / view.t[-1] - 0.5)
+
+    def at_once(view: View, when: float) -> Floats:
+        return np.asarray(0.5 * np.tanh((view.t / view.t[-1] - when) / _SWITCH))
+
+    for word, course, shapes in (("steadily", steadily, (0.0,)), ("at once", at_once, _SWITCHES)):
+
+        def stiffer(view: View, shape: float, course: Course = course) -> Columns:
+            if view.load is None:
+                return {}
+            return by_load(view, course(view, shape)[:, None] * ((view.x - view.x0) @ view.K.T))
+
+        def by_axis(view: View, shape: float, course: Course = course) -> Columns:
+            if view.load is None:
+                return {}
+            u, d = course(view, shape), view.x - view.x0
+            return by_load(view, *(along(u * d[:, k], k, setting.axes) for k in range(setting.axes)))
+
+        def damped(view: View, shape: float, course: Course = course) -> Columns:
+            return {} if view.load is None else by_load(view, course(view, shape)[:, None] * view.v)
+
+        share = Term(
+            "load.time_varying",
+            _PLACE,
+            stiffer,
+            lambda beta, _shape: {"K_change": float(beta[0])},
+            shapes=shapes,
+            gate=lambda beta, _shape: bool(np.max(np.abs(beta)) < 1.9),
+            variant=f"K by a share, {word}",
+            by_model=True,
+        )
+        axes = replace(
+            share,
+            columns=by_axis,
+            read=lambda beta, _shape: {"K": _scalar(beta)},
+            size=setting.axes,
+            gate=no_gate,
+            variant=f"K by axis, {word}",
+        )
+        damping = replace(
+            share,
+            columns=damped,
+            read=lambda beta, _shape: {"B": float(beta[0])},
+            gate=no_gate,
+            variant=f"B, {word}",
+        )
+        yield share
+        yield damping
+        if setting.axes > 1:
+            yield axes
+        if len(setting.loaded) > 1:
+            yield each_trial(share, setting, loaded=True)
+
+
+def _coupling(setting: Setting) -> Iterator[Term]:
     if not (setting.springs and setting.planar):
         return
 
@@ -249,10 +319,10 @@ def _coupling(setting: Setting) -> Iterator[Candidate]:
     def read_c(beta: Floats, _shape: float) -> dict[str, Value]:
         return {"M": [[0.0, float(beta[0])], [float(beta[0]), 0.0]]}
 
-    yield Candidate("load.coupling", _PLACE, stiffness, read_k, variant="K")
-    yield Candidate("load.coupling", _PLACE, anisotropic, read_m, variant="M diagonal")
-    yield Candidate("load.coupling", _PLACE, crossed, read_c, variant="M off-diagonal")
-    yield Candidate("load.coupling", _PLACE, mass, read_m, size=2, variant="M")
+    yield Term("load.coupling", _PLACE, stiffness, read_k, variant="K")
+    yield Term("load.coupling", _PLACE, anisotropic, read_m, variant="M diagonal")
+    yield Term("load.coupling", _PLACE, crossed, read_c, variant="M off-diagonal")
+    yield Term("load.coupling", _PLACE, mass, read_m, size=2, variant="M")
 
 
 EFFECTS = (
@@ -260,9 +330,12 @@ EFFECTS = (
         "load.damping",
         "-F_ext += B x' (mass-spring)",
         "load",
-        (Parameter("B", "N*s/m", 0),),
+        (Parameter("B", "N*s/m", -1000, amplitude=True),),
         "[D] eq. 3",
         _damping,
+        carries="load",
+        tells={"load.delay": "a load trial with faster motion, up to 5 Hz"},
+        adds_to=("B",),
     ),
     Effect(
         "load.stiffness_cubic",
@@ -271,14 +344,16 @@ EFFECTS = (
         (Parameter("cubic", "N/m^3"),),
         "Duffing oscillator: Kovacic and Brennan, The Duffing Equation (2011)",
         _cubic,
+        carries="load",
     ),
     Effect(
         "load.hysteresis",
         "-F_ext += amplitude z, dz = (1 - z sign(dx)) dx / width",
         "load",
-        (Parameter("amplitude", "N", 0), Parameter("width", "m", 0)),
+        (Parameter("amplitude", "N", 0, amplitude=True), Parameter("width", "m", 0)),
         "Dahl, Solid friction damping of mechanical vibrations, AIAA J. 14 (1976)",
         _hysteresis,
+        carries="load",
     ),
     Effect(
         "load.deadzone",
@@ -287,6 +362,7 @@ EFFECTS = (
         (Parameter("width", "m", 0),),
         "Nordin and Gutman, Controlling mechanical systems with backlash, Automatica 38 (2002)",
         _deadzone,
+        carries="load",
     ),
     Effect(
         "load.delay",
@@ -300,6 +376,7 @@ EFFECTS = (
         ),
         "Kearney, Stein, Parameswaran, IEEE Trans. Biomed. Eng. 44 (1997)",
         _delay,
+        carries="load",
     ),
     Effect(
         "load.drift",
@@ -308,6 +385,7 @@ EFFECTS = (
         (Parameter("rate", "m/s"),),
         "[P] Sec. II, stationarity",
         _drift,
+        carries="record",
     ),
     Effect(
         "load.coupling",
@@ -316,5 +394,21 @@ EFFECTS = (
         (Parameter("K", "N/m"), Parameter("M", "kg")),
         "[D] eqs. 5 and 6",
         _coupling,
+        carries="load",
+        adds_to=("K", "M"),
+    ),
+    Effect(
+        "load.time_varying",
+        "-F_ext += u(t) K_change K (x - x0), or u(t) K (x - x0), u(t) B x'; u goes from -1/2 to 1/2, steadily or at once",
+        "load",
+        (
+            Parameter("K_change", "1", -1.9, 1.9),
+            Parameter("K", "N/m"),
+            Parameter("B", "N*s/m"),
+        ),
+        "[P] Sec. II, stationarity",
+        _time_varying,
+        carries="load",
+        tells={"": "a repeat of the trial with the arm rested, and one in which it stiffens on purpose"},
     ),
 )

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 import numpy as np
 from scipy import signal
 
-from impid_host.effects.effect import Candidate, Setting, by_load
+from impid_host.effects.effect import Setting, Term, by_load
 from impid_host.effects.view import Columns, View
 from impid_host.signals.arrays import Floats
 
@@ -25,7 +25,7 @@ def muscle(stretch: Floats, rate_hz: float, corner_rad_s: float) -> Floats:
     return np.asarray(signal.lfilter(b, a, stretch, axis=0), dtype=np.float64)
 
 
-def reflex_candidates(setting: Setting) -> Iterator[Candidate]:
+def reflex_terms(setting: Setting) -> Iterator[Term]:
     """Each direction of stretch at a few speeds of the muscle, on a rotary joint that carries a limb."""
     if not (setting.rotary_load and setting.arms):
         return
@@ -39,7 +39,7 @@ def reflex_candidates(setting: Setting) -> Iterator[Candidate]:
                 stretch = sign * np.maximum(sign * late, 0.0)
                 return by_load(view, muscle(stretch[:, None], view.rate_hz, corner))
 
-            yield Candidate(
+            yield Term(
                 "load.delay",
                 ("load",),
                 columns,

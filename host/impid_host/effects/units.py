@@ -1,6 +1,6 @@
 """Units of an effect's parameters where the catalogue's rotary joints and forces in a plane do not hold."""
 
-from impid_host.effects.effect import Candidate, Effect, Setting
+from impid_host.effects.effect import Effect, Setting, Term
 
 # A load on a rotary joint is a torque against an angle.
 _ROTARY_LOAD = {
@@ -14,9 +14,9 @@ _ROTARY_LOAD = {
 }
 
 
-def own_units(effect: Effect, candidate: Candidate, setting: Setting) -> dict[str, str]:
+def own_units(effect: Effect, term: Term, setting: Setting) -> dict[str, str]:
     """Unit by parameter: an axis that slides has N and m for N m and rad; a rotary load the reverse."""
-    places = [int(name[-1]) - 1 for name in candidate.where if name.startswith("joint")]
+    places = [int(name[5:]) - 1 for name in term.where if name.startswith("joint")]
     slides = any(setting.slides[place] for place in places)
     result = {}
     for row in effect.parameters:

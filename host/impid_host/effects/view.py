@@ -40,9 +40,11 @@ class View:
         torque_model: the present model's torque, (N, n); x0: the load's equilibrium by it, (d,);
             K: its stiffness, (d, d); alpha: the robot's parameters by it, (p,).
         valid: instants that may be used, (N,).
-        cutoff_hz: of the band in which the choice looks at this study; report_hz: of the reported one.
+        cutoff_hz: of the band in which the choice looks at this study; report_hz: of the reported one;
+            meeting_hz: rate of the slower log.
+        zero_rad: declared angle at count 0, (n,), of the module's encoders.
         model: the robot's kinematics; respond: what the present model predicts of every family,
-            (N, channels), were the motion that of the given view.
+            (N, channels), were the motion that of the given view; response: of this one.
     """
 
     name: str
@@ -70,9 +72,12 @@ class View:
     K: Floats
     valid: Mask
     model: RobotModel
+    zero_rad: Floats
     respond: "Callable[[View], Columns] | None" = None
+    response: Columns | None = None
     alpha: Floats | None = None
     cutoff_hz: float = 11.0
+    meeting_hz: float = 250.0
     report_hz: float = PUBLISHED_CUTOFF_HZ
 
     @property
@@ -102,9 +107,11 @@ def rate_of(values: Floats, dt: float) -> Floats:
     return slope
 
 
-def with_motion(view: View, theta: Floats, omega: Floats, acc: Floats) -> View:
-    """The same trial had the joints moved otherwise than the encoders say."""
-    model = view.model
+def with_motion(
+    view: View, theta: Floats, omega: Floats, acc: Floats, model: RobotModel | None = None
+) -> View:
+    """The same trial had the joints moved otherwise than the encoders say, or had the robot other lengths."""
+    model = model or view.model
     J = model.jacobian(theta)
     v = np.einsum("kij,kj->ki", J, omega)
     a = np.einsum("kij,kj->ki", J, acc) + np.einsum("kij,kj->ki", model.jacobian_rate(theta, omega), omega)
@@ -129,6 +136,8 @@ def with_motion(view: View, theta: Floats, omega: Floats, acc: Floats) -> View:
         predicted=predicted,
         turn=turn,
         turn_rate=turn_rate,
+        model=model,
+        response=None,
     )
 
 

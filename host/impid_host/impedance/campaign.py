@@ -6,14 +6,17 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from impid_host.errors import UndeterminedError
+from impid_host.impedance.force import ForceComparison, compare_forces
 from impid_host.impedance.identify import LoadFit, RobotFit, RobotParameters, identify_load, identify_robot
 from impid_host.impedance.loads import LoadKind, LoadModel, load_model
 from impid_host.impedance.partial import PartialLoadFit, identify_partially
+from impid_host.impedance.physical import PhysicalRobot, physical_robot
 from impid_host.impedance.rows import Split
 from impid_host.impedance.stochastic import SpectralFit, fit_spectral, shaken
-from impid_host.robot.model import RobotModel, robot_model
+from impid_host.robot.model import RobotModel, robot_model, torque_at_load
 from impid_host.robot.terms import RobotStructure, robot_structure
-from impid_host.signals.align import AccelerationSource, AlignedTrial, align
+from impid_host.signals.align import AccelerationSource, AlignedTrial, align, robot_rows
+from impid_host.signals.band import following, motion_band_hz
 from impid_host.signals.chain import DEFAULT, Chain
 from impid_host.study.model import Setup, Study
 
@@ -23,23 +26,27 @@ class Options:
     """How a study is to be fitted.
 
     Attributes:
-        chain: the signal chain.
+        chain: the signal chain; `default_chain` has the cut-off that a study's motion asks for.
         acceleration: where accelerations come from; None: the accelerometer where there is one.
         terms: optional terms of the robot model, by name.
         split: what is held out.
+        physical: also the nearest robot whose links could be built.
     """
 
     chain: Chain = DEFAULT
     acceleration: AccelerationSource | None = None
     terms: tuple[str, ...] = ()
     split: Split = field(default_factory=Split)
+    physical: bool = False
 
 
 @dataclass(frozen=True, slots=True)
 class StudyFit:
     """All that `fit` found out about a study; `robot` is a RobotFit unless the prior had to stand in.
 
-    `partial` holds the loads whose trials do not determine all of them.
+    `partial` holds the loads whose trials do not determine all of them; `cutoff_hz` is the chain's, where its
+    last filter has one; `forces` sets the virtual sensor against a physical one, load by load; `physical` is
+    there where it was asked for.
     """
 
     study: str
@@ -49,9 +56,22 @@ class StudyFit:
     loads: tuple[LoadFit, ...]
     spectral: tuple[SpectralFit, ...] = ()
     handle_mass_kg: float = 0.0
+    cutoff_hz: float | None = None
     partial: tuple[PartialLoadFit, ...] = ()
+    forces: tuple[ForceComparison, ...] = ()
+    physical: PhysicalRobot | None = None
 
 
+def default_chain(study: Study) -> Chain:
+    """The default chain, its cut-off following the motion of free trials, or of a limb that is moved."""
+    kinds = [trial.kind for trial in study.trials]
+    limb = torque_at_load(robot_model(study.setup.robot), kinds)
+    trials = study.of_kind("arm") if limb else study.of_kind("free")
+    logs = [robot_rows(trial.robot) for trial in trials]
+    return following(DEFAULT, [motion_band_hz(log.t, log.theta) for log in logs if len(log) >= _FEWEST_ROWS])
+
+
+_FEWEST_ROWS = 100
 Progress = Callable[[str], None]
 
 
@@ -100,12 +120,24 @@ def fit_aligned(
     elif robot is None:
         robot = prior_parameters(study, structure)
     parameters = robot.parameters if isinstance(robot, RobotFit) else robot
+    physical = None
+    if options.physical:
+        if not free or not isinstance(robot, RobotFit):
+            raise UndeterminedError(
+                f"study {study.name}: physical inertias are found from free trials, of which it has none"
+            )
+        progress("links that could be built")
+        physical = physical_robot(robot, free, options.chain, options.split)
     loads: list[LoadFit] = []
     spectral: list[SpectralFit] = []
     partial: list[PartialLoadFit] = []
+    forces: list[ForceComparison] = []
     for members in _by_load(list(trials)):
         progress(f"identifying {members[0].load}")
         kind = _shaken(study, members)
+        measured = _measured(members, model)
+        if measured:
+            forces.append(compare_forces(measured, parameters, options.chain, options.split))
         try:
             loads += fit_load(members, study.setup, model, parameters, options, kind)
         except UndeterminedError as error:
@@ -122,7 +154,10 @@ def fit_aligned(
         tuple(loads),
         tuple(spectral),
         study.setup.handle_mass_kg,
+        None if options.chain.finish is None else options.chain.finish.cutoff_hz,
         tuple(partial),
+        tuple(forces),
+        physical,
     )
 
 
@@ -138,7 +173,7 @@ def fit_load(
 
     `kind` says what the load is; by default it is what its trials are.
 
-    A joint-1d torque is measured at the load itself, so there Method 2 is all there is.
+    A torque that is measured at the load itself leaves nothing but Method 2.
 
     Raises:
         UndeterminedError: the load's trials are of more than one kind.
@@ -182,10 +217,13 @@ def _asked(
             f"load {members[0].load} has trials of kinds {', '.join(sorted(kinds))}; name them apart"
         )
     load = load_model(kind or kinds.pop(), tuple(model.task_axes))
-    # A log's fx, fy are forces in the plane; a single axis has only its own.
+    return load, _rounds(members, _measured(members, model), robot)
+
+
+def _measured(members: Sequence[AlignedTrial], model: RobotModel) -> list[AlignedTrial]:
+    """Trials with a force along each task axis; a log's fx, fy are forces in the plane."""
     planar = len(model.task_axes) == 2
-    measured = [trial for trial in members if trial.force is not None and planar]
-    return load, _rounds(members, measured, robot)
+    return [trial for trial in members if planar and trial.force is not None]
 
 
 def fit_shaken(
@@ -242,7 +280,7 @@ def prior_parameters(study: Study, structure: RobotStructure) -> RobotParameters
     """
     prior = study.setup.prior_alpha
     size = len(structure.parameter_names)
-    if prior is None and structure.model.name == "joint-1d":
+    if prior is None and structure.model.torque_at_load:
         return RobotParameters(structure, np.zeros(size), np.zeros((size, size)), "none")
     if prior is None and any(trial.robot.force is not None for trial in study.trials):
         return RobotParameters(structure, np.full(size, np.nan), np.zeros((size, size)), "unknown")

@@ -57,9 +57,10 @@ class Channel:
         step = float(np.exp(1 / np.sqrt(2 * self.dof)))
         yield self._with(taps, sd * step), self._with(taps, sd / step)
         if len(taps):
-            safe = self.moments + (_TINY * np.trace(self.moments) + _SILENT) * np.eye(len(taps))
-            root = sd / np.sqrt(self.dof) * np.linalg.cholesky(np.linalg.inv(safe))
-            for direction in root.T:
+            # A narrow band makes lag products near-singular: eigenvalues below rounding are none.
+            power, axes = np.linalg.eigh(self.moments)
+            power = np.maximum(power, _TINY * power[-1] + _SILENT)
+            for direction in (sd / np.sqrt(self.dof) * axes / np.sqrt(power)).T:
                 yield self._with(taps + direction, sd), self._with(taps - direction, sd)
 
     def _with(self, taps: Floats, sd: float) -> "Channel":

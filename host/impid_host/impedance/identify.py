@@ -13,8 +13,9 @@ from impid_host.impedance.linear import Estimate, Stretch, enough_rows, fit_line
 from impid_host.impedance.loads import LoadModel
 from impid_host.impedance.matrices import Quantity, load_matrices
 from impid_host.impedance.reliability import by_angles, what_noise_hides
+from impid_host.impedance.resting import moving_joints
 from impid_host.impedance.rows import Equation, Series, Split, finish, series, stretches
-from impid_host.impedance.virtual_sensor import through_jacobian
+from impid_host.impedance.virtual_sensor import beyond_force, through_jacobian
 from impid_host.robot.terms import RobotStructure
 from impid_host.signals.align import AlignedTrial
 from impid_host.signals.arrays import Floats
@@ -49,9 +50,10 @@ class RobotFit:
     """The robot identified from free trials.
 
     Attributes:
-        vaf: per joint on the held-out rows, %, averaged over trials; rms: likewise, N m (N).
+        vaf: per joint of `joints` on the held-out rows, %, averaged over trials; rms: likewise, N m (N).
         held_out: False when nothing was held out, and vaf and rms are those of the fitted rows.
         sources: where each trial's accelerations came from.
+        joints: whose torque the fit explains, from 0; resting: those that rest in every trial.
     """
 
     parameters: RobotParameters
@@ -61,6 +63,8 @@ class RobotFit:
     held_out: bool
     series: tuple[Series, ...]
     sources: tuple[str, ...]
+    joints: tuple[int, ...]
+    resting: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,6 +75,8 @@ class LoadFit:
         M, B, K: (d, d), the handle taken off M where it moves with the load; None where the model has none.
         x0: equilibrium, (d,), m (rad); its interval by the delta method.
         robot_origin: where the robot's parameters came from, for Method 1; None for Method 2.
+        beyond_force_percent: of the external torque's rms, what no force at the end-effector makes (moments
+            there, pushes at links); None where joints are as many as axes, and for Method 2.
         vaf: per axis on the held-out rows, %, averaged over trials; rms: likewise, N.
         held_out: False when nothing was held out, and vaf and rms are those of the fitted rows.
         sources: where each trial's accelerations came from.
@@ -90,12 +96,17 @@ class LoadFit:
     series: tuple[Series, ...]
     sources: tuple[str, ...]
     robot_origin: str | None = None
+    beyond_force_percent: float | None = None
 
 
-def robot_equation(trial: AlignedTrial, structure: RobotStructure, chain: Chain) -> Equation:
-    """tau = Y @ parameters along a free trial, finished."""
-    Y = structure.regressor(trial.theta, trial.omega, trial.theta_dd)
-    return Equation(trial, finish(chain, Y, trial.rate_hz), finish(chain, trial.tau, trial.rate_hz))
+def robot_equation(
+    trial: AlignedTrial, structure: RobotStructure, chain: Chain, joints: Sequence[int] | None = None
+) -> Equation:
+    """tau = Y @ parameters along a free trial, finished; of all joints, or of those that are asked for."""
+    Y, tau = structure.regressor(trial.theta, trial.omega, trial.theta_dd), trial.tau
+    if joints is not None and len(joints) < tau.shape[1]:
+        Y, tau = Y[:, list(joints)], tau[:, list(joints)]
+    return Equation(trial, finish(chain, Y, trial.rate_hz), finish(chain, tau, trial.rate_hz))
 
 
 def virtual_equation(trial: AlignedTrial, robot: RobotParameters, load: LoadModel, chain: Chain) -> Equation:
@@ -126,13 +137,15 @@ def identify_robot(
     """Robot parameters by linear least squares over all free trials, [D] Appendix.
 
     Where the trials leave parameters open, the estimate holds the combinations that they do determine.
+    A joint that rests counts as still: its own friction and inertia stay open, and with dry friction in the
+    model, which carries a part of it, so does its torque.
 
     Raises:
         UndeterminedError: the trials do not determine the parameters.
     """
-    equations = [robot_equation(trial, structure, chain) for trial in trials]
-    rows = _fit_rows(equations, chain, split)
-    twins = _twins(trials, lambda trial: robot_equation(trial, structure, chain), chain, split)
+    judged, moving, quiet = _explained(trials, structure, chain)
+    equations, rows = _robot_rows(quiet, structure, chain, split, judged)
+    twins = _twins(quiet, lambda trial: robot_equation(trial, structure, chain, judged), chain, split)
     names, units = structure.parameter_names, structure.parameter_units
     unseen = None
     value, covariance = np.zeros(len(names)), np.zeros((len(names), len(names)))
@@ -164,7 +177,36 @@ def identify_robot(
         held_out=split.validation_s > 0,
         series=shown,
         sources=tuple(trial.source for trial in trials),
+        joints=judged,
+        resting=tuple(sorted(set(range(structure.model.joints)) - set(moving))),
     )
+
+
+def robot_rows(
+    trials: Sequence[AlignedTrial], structure: RobotStructure, chain: Chain, split: Split
+) -> tuple[list[Equation], list[Stretch]]:
+    """The equations of free trials, joints that rest taken as still, and the rows of them that are fitted."""
+    judged, _, quiet = _explained(trials, structure, chain)
+    return _robot_rows(quiet, structure, chain, split, judged)
+
+
+def _robot_rows(
+    quiet: Sequence[AlignedTrial],
+    structure: RobotStructure,
+    chain: Chain,
+    split: Split,
+    judged: tuple[int, ...],
+) -> tuple[list[Equation], list[Stretch]]:
+    equations = [robot_equation(trial, structure, chain, judged) for trial in quiet]
+    return equations, _fit_rows(equations, chain, split)
+
+
+def _explained(
+    trials: Sequence[AlignedTrial], structure: RobotStructure, chain: Chain
+) -> tuple[tuple[int, ...], tuple[int, ...], list[AlignedTrial]]:
+    """Joints whose torque is explained, joints that move, and the trials with the others still."""
+    moving, quiet = moving_joints(trials, structure.model.prismatic, chain)
+    return (moving if structure.holds else tuple(range(structure.model.joints))), moving, quiet
 
 
 def identify_load(
@@ -211,7 +253,22 @@ def identify_load(
         series=shown,
         sources=tuple(trial.source for trial in trials),
         robot_origin=None if robot is None else robot.origin,
+        beyond_force_percent=None if robot is None else _beyond_force(trials, robot, chain),
     )
+
+
+def _beyond_force(trials: Sequence[AlignedTrial], robot: RobotParameters, chain: Chain) -> float | None:
+    model = robot.structure.model
+    if model.joints == len(model.task_axes):
+        return None
+    left, whole = 0.0, 0.0
+    for trial in trials:
+        Y = robot.structure.regressor(trial.theta, trial.omega, trial.theta_dd)
+        torque = finish(chain, Y @ robot.value - trial.tau, trial.rate_hz)
+        rest = beyond_force(model, trial.theta, torque)
+        left += float(np.sum(rest[trial.valid] ** 2))
+        whole += float(np.sum(torque[trial.valid] ** 2))
+    return 100 * float(np.sqrt(left / max(whole, 1e-300)))
 
 
 def load_rows(

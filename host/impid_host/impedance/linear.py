@@ -24,7 +24,7 @@ from impid_host.impedance.colour import Colour, colour_of
 from impid_host.signals.arrays import Floats
 
 _MAX_CONDITION = 1e7
-_ROWS_PER_PARAMETER = 5
+_ROWS_PER_PARAMETER = 3
 _ROUNDS = 6
 _SETTLED = 1e-3  # of a standard deviation, from one round to the next
 _ROUNDING = 1e-7  # a column so much smaller than the largest one is a filter's rounding
@@ -118,8 +118,8 @@ class _Solution:
 
 
 def enough_rows(stretches: Sequence[Stretch], parameters: int) -> bool:
-    """True where there are rows enough for a fit of so many parameters."""
-    return sum(len(stretch.target) for stretch in stretches) >= _ROWS_PER_PARAMETER * parameters
+    """True where there are rows enough, instants times channels, for a fit of so many parameters."""
+    return sum(stretch.target.size for stretch in stretches) >= _ROWS_PER_PARAMETER * parameters
 
 
 def fit_linear(
@@ -144,17 +144,21 @@ def fit_linear(
     parameters = len(names)
     rows = sum(len(stretch.target) for stretch in stretches)
     if not enough_rows(stretches, parameters):
-        raise UndeterminedError(f"{rows} usable rows for {parameters} parameters; longer trials are needed")
+        channels = stretches[0].target.shape[1] if stretches else 1
+        raise UndeterminedError(
+            f"{rows} usable instants of {channels} channels for {parameters} parameters; "
+            "longer trials are needed"
+        )
     target = np.concatenate([stretch.target for stretch in stretches])
     size = float(np.sqrt(np.mean(target**2)))
     work = [_weighted(stretch, 1 / size if size > 0 else 1.0) for stretch in stretches]
     _require_determined(work, names)
     found = _ordinary(work)
     if ar_order > 0:
-        white = _generalised(work, found, ar_order)
-        moved = np.abs(white.value - found.value)
-        if np.all(moved < _HAUSMAN_SIGMAS * np.sqrt(np.diag(found.covariance))):
-            found = white
+        # Channels of unlike noise (a shoulder's torque, a wrist's) count by what each leaves over.
+        if work[0].target.shape[1] > 1:
+            found = _ordinary([_by_channel(stretch, _noise(work, found.value)) for stretch in work])
+        found = _generalised(work, found, ar_order)
     covariance = found.covariance
     if nuisance_covariance is not None:
         gain = _nuisance_gain(found.work)
@@ -183,7 +187,11 @@ def _ordinary(work: Sequence[Stretch]) -> _Solution:
 
 
 def _generalised(stretches: Sequence[Stretch], start: _Solution, ar_order: int) -> _Solution:
-    """Weighted by the residual's colour, which is found anew from each solution until both stand still."""
+    """Weighted by the residual's colour, which is found anew from each solution until both stand still.
+
+    Where that moves a parameter by more than four standard deviations, noisy regressors or a model that lacks
+    something are the likely reason (Hausman's test): the start stands.
+    """
     value, bread = start.value, _solve(stretches)[1]
     residual = np.concatenate([_residual(stretch, value) for stretch in stretches])
     covariance = bread * float(np.sum(residual**2)) / max(residual.size - len(value), 1)
@@ -198,6 +206,8 @@ def _generalised(stretches: Sequence[Stretch], start: _Solution, ar_order: int) 
         value, covariance = _solve(work)
         if np.all(np.abs(value - before) < _SETTLED * np.sqrt(np.diag(covariance))):
             break
+    if np.any(np.abs(value - start.value) >= _HAUSMAN_SIGMAS * np.sqrt(np.diag(start.covariance))):
+        return start
     added, spread = _of_the_colour(blocks, colour, len(value))
     kernel = _sandwich(work, value, covariance)[0]
     return _Solution(work, value, *_not_below(covariance + 2 * added, spread, kernel), colour.orders)
@@ -235,6 +245,19 @@ def _residual(stretch: Stretch, value: Floats) -> Floats:
 def _weighted(stretch: Stretch, weight: float) -> Stretch:
     nuisance = None if stretch.nuisance is None else stretch.nuisance * weight
     return Stretch(stretch.design * weight, stretch.target * weight, nuisance)
+
+
+def _noise(work: Sequence[Stretch], value: Floats) -> Floats:
+    """rms residual per channel over their mean, (c,)."""
+    residual = np.concatenate([_residual(stretch, value) for stretch in work])
+    rms = np.sqrt(np.mean(residual**2, axis=0))
+    result: Floats = np.maximum(rms, _ROUNDING * rms.max() + 1e-300) / max(float(rms.mean()), 1e-300)
+    return result
+
+
+def _by_channel(stretch: Stretch, size: Floats) -> Stretch:
+    nuisance = None if stretch.nuisance is None else stretch.nuisance / size[:, None]
+    return Stretch(stretch.design / size[:, None], stretch.target / size, nuisance)
 
 
 def _normal(work: Sequence[Stretch]) -> Floats:

@@ -25,6 +25,17 @@ def through_jacobian(model: RobotModel, theta: Floats, joint_side: Floats) -> Fl
     return solved[:, :, 0] if joint_side.ndim == 2 else solved
 
 
+def beyond_force(model: RobotModel, theta: Floats, joint_side: Floats) -> Floats:
+    """What of an external torque (N, n) no force at the end-effector makes, (N, n).
+
+    With more joints than axes the force is that of least squares; moments at the end-effector and pushes at
+    the links leave a rest, in the null space of J.
+    """
+    J = model.jacobian(theta)
+    force = through_jacobian(model, theta, joint_side)
+    return np.asarray(joint_side - np.einsum("kij,ki->kj", J, force))
+
+
 def external_force(model: RobotModel, theta: Floats, Y: Floats, parameters: Floats, tau: Floats) -> Floats:
     """F_ext = J^-T (I theta'' + C theta' + F_r - tau), N, (N, d).
 

@@ -85,7 +85,7 @@ CLOCK = Topic(
         "t4_ns": {"type": "integer", "description": "answer received, host monotonic clock"},
     },
 )
-EVENT_NAMES = "start, stop, loss, run, boot, disconnected, reconnected, wall-clock-set, mark"
+EVENT_NAMES = "start, stop, loss, run, boot, disconnected, reconnected, wall-clock-set, mark, enough"
 EVENTS = Topic(
     "/events",
     "impid.Event",

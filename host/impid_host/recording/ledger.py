@@ -39,6 +39,7 @@ class RunLedger:
     Attributes:
         boot_id, run: which; run is -1 where no sample of it came.
         stored: samples in the recording.
+        surplus: samples among its raw bytes that came after the duration asked for.
         lost_before: missing between START and the first stored sample; None where START was not recorded.
         lost_inside: missing between stored samples, counted by the index.
         lost_after: missing behind the last stored sample, as the board told; None where it told nothing.
@@ -55,6 +56,7 @@ class RunLedger:
     lost_after: int | None
     produced: int | None
     uncounted: int | None = 0
+    surplus: int = 0
 
     @property
     def lost(self) -> int:
@@ -63,15 +65,17 @@ class RunLedger:
 
     @property
     def balanced(self) -> bool | None:
-        """Whether produced = stored + lost, exactly; None where the board's count is not known."""
-        return None if self.produced is None else self.produced == self.stored + self.lost
+        """Whether produced = stored + lost + surplus, exactly; None where the board's count is not known."""
+        return None if self.produced is None else self.produced == self.stored + self.lost + self.surplus
 
     def __str__(self) -> str:
         if self.produced is None:
             rest = "" if self.uncounted is None else f", and at most {self.uncounted} more"
             return f"{self.stored} samples stored, {self.lost} lost{rest}; the board's own count is not known"
         sign = "=" if self.balanced else "IS NOT"
-        return f"{self.produced} samples produced by the board {sign} {self.stored} stored + {self.lost} lost"
+        after = f" + {self.surplus} after the end" if self.surplus else ""
+        parts = f"{self.stored} stored + {self.lost} lost{after}"
+        return f"{self.produced} samples produced by the board {sign} {parts}"
 
 
 def balance(

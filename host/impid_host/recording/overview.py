@@ -94,6 +94,7 @@ def _run(recording: Recording, segment: Segment) -> dict[str, Any]:
         "duration_s": (int(t_us[-1]) - int(t_us[0]) + SAMPLE_PERIOD_US) * 1e-6,
         "stored": ledger.stored,
         "lost": ledger.lost,
+        "surplus": ledger.surplus,
         "produced": ledger.produced,
         "balanced": ledger.balanced,
         "books": str(ledger),
@@ -124,6 +125,10 @@ def _health(status: BoardStatus) -> dict[str, Any]:
         "frames_dropped": status.frames_dropped,
         "rejected_commands": status.rejected,
         "bus_off": status.bus_off,
+        "line_errors": status.line_errors,
+        "can_overruns": status.can_overruns,
+        "adc_overruns": status.adc_overruns,
+        "dma_errors": status.dma_errors,
     }
 
 

@@ -2,7 +2,7 @@
 
 import base64
 import json
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +18,7 @@ from impid_host.wire.can_frames import unpack_frames
 from impid_host.wire.carrier import CAN, SERIAL, Carrier
 from impid_host.wire.decoder import LinkCounts
 from impid_host.wire.messages import SAMPLE_PERIOD_US
-from impid_host.wire.records import BoardStatus, Response, Segment, join_segments
+from impid_host.wire.records import BoardStatus, Response, Segment, join_segments, until
 
 _PIECE_BYTES = 1 << 20
 
@@ -150,7 +150,9 @@ class _Contents:
         decoder, raw = self.carrier.decoder(), bytes(self.raw)
         piece = _PIECE_BYTES // self.carrier.piece_bytes * self.carrier.piece_bytes
         parts = [decoder.feed(raw[at : at + piece]) for at in range(0, len(raw), piece)]
-        segments = join_segments([segment for part in parts for segment in part.segments])
+        arrived = join_segments([segment for part in parts for segment in part.segments])
+        end = self._end()
+        segments = tuple(kept for segment in arrived if (kept := until(segment, end)) is not None)
         statuses = tuple(status for part in parts for status in part.statuses)
         responses = tuple(response for part in parts for response in part.responses)
         events = [event for part in parts for event in part.events]
@@ -170,9 +172,18 @@ class _Contents:
             exchanges=self.exchanges,
             events=tuple(self.events),
             counts=decoder.counts,
-            ledgers=balance(segments, events, statuses, responses, self._ended_boots()),
+            ledgers=_without_surplus(
+                balance(arrived, events, statuses, responses, self._ended_boots()), segments
+            ),
             warnings=tuple(self.warnings),
         )
+
+    def _end(self) -> tuple[int, int] | None:
+        """Run and last stamp (us) of the duration that was asked for; None where something else ended it."""
+        for event in self.events:
+            if event.name == "enough":
+                return int(event.detail["run"]), int(event.detail["last_us"])
+        return None
 
     def _ended_boots(self) -> list[EndedBoot]:
         """What is known of the boots that a reset ended, from the notes of the recorder."""
@@ -187,6 +198,14 @@ class _Contents:
             for event in self.events
             if event.name == "boot"
         ]
+
+
+def _without_surplus(ledgers: tuple[RunLedger, ...], segments: tuple[Segment, ...]) -> tuple[RunLedger, ...]:
+    kept = {segment.run: len(segment) for segment in segments}
+    return tuple(
+        replace(ledger, stored=kept.get(ledger.run, 0), surplus=ledger.stored - kept.get(ledger.run, 0))
+        for ledger in ledgers
+    )
 
 
 def _nominal_rate(metadata: dict[str, dict[str, str]]) -> float:

@@ -19,7 +19,7 @@ from impid_host.recording.watch import BoardWatch, WallClockWatch
 from impid_host.recording.writer import RecordingWriter
 from impid_host.wire.decoder import LinkCounts
 from impid_host.wire.messages import SAMPLE_PERIOD_US
-from impid_host.wire.records import BoardStatus, Decoded, Loss, Response
+from impid_host.wire.records import BoardStatus, Decoded, Loss, Response, until
 
 _PUMP_S = 0.02
 _REPORT_S = 0.2
@@ -109,6 +109,8 @@ class Recorder:
         self._span_us: dict[int, tuple[int, int]] = {}  # run -> first and last sample
         self._quiet_s = 0.0
         self._next_index = 0
+        self._duration_s = inf
+        self._enough: tuple[int, int] | None = None  # run, and the last stamp that belongs to the recording
         self._connected = True
         client.listener = self
 
@@ -122,11 +124,13 @@ class Recorder:
         """Record until the samples span duration_s of board time, `stopped` says so, or the board stays away.
 
         With a duration of inf it is complete whenever it is stopped. The board is stopped if it can be
-        reached, also when the disk is full.
+        reached, also when the disk is full. What it sends until it has stopped, and what a busy machine takes
+        in late, is kept among the raw bytes and marked as coming after the end.
 
         Raises:
             LinkError: the board does not start.
         """
+        self._duration_s = duration_s
         self._client.stop()
         self._start()
         trouble, status, arrived = "", None, None
@@ -160,10 +164,13 @@ class Recorder:
         if jump_s is not None:
             self.note("wall-clock-set", by_s=jump_s)
         for segment in decoded.segments:
-            self._writer.samples(segment, chunk.monotonic_ns)
             t_us = segment.samples.t_us
             first, _ = self._span_us.get(segment.run, (int(t_us[0]), 0))
             self._span_us[segment.run] = (first, int(t_us[-1]))
+            self._see_the_end(segment.run)
+            wanted = until(segment, self._enough)
+            if wanted is not None:
+                self._writer.samples(wanted, chunk.monotonic_ns)
             self._next_index = int(segment.samples.seq[-1]) + 1
             self._place_exchanges(segment.boot_id)
         for status in decoded.statuses:
@@ -173,6 +180,13 @@ class Recorder:
             self.note("loss" if isinstance(event, Loss) else "run", **asdict(event))
         if self._onlooker is not None:
             self._onlooker.see(decoded)
+
+    def _see_the_end(self, run: int) -> None:
+        """Note once where the duration ends: the last sample that belongs to it."""
+        surplus_us = (self._elapsed_s() - self._duration_s) * 1e6
+        if self._enough is None and surplus_us >= 0:
+            self._enough = (run, self._span_us[run][1] - round(surplus_us))
+            self.note("enough", run=run, last_us=self._enough[1])
 
     def sent(self, chunk: Chunk) -> None:
         """Store what went out."""

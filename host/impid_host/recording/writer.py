@@ -113,7 +113,8 @@ class RecordingWriter:
 
     def status(self, status: BoardStatus, received_ns: int) -> None:
         """A status of the board."""
-        self._json(channels.STATUS, received_ns, asdict(status))
+        counted = {name: value for name, value in asdict(status).items() if value is not None}
+        self._json(channels.STATUS, received_ns, counted)
 
     def exchange(self, exchange: ClockExchange, boot_id: int) -> None:
         """A clock exchange, raw."""

@@ -42,12 +42,13 @@ def draw_diagnosis(diagnosis: Diagnosis, folder: Path) -> list[Path]:
 def _stages(diagnosis: Diagnosis) -> Figure:
     keys = list(diagnosis.floor)
     figure, axes = plt.subplots(1, len(keys), figsize=(1.5 * len(keys) + 1, 3.2), squeeze=False)
-    names = ["papers' model"] + [
+    names = ["first model"] + [
         f"+ {stage.added.effect}" for stage in diagnosis.stages if stage.added is not None
     ]
     for axis, key in zip(axes[0], keys, strict=True):
         axis.bar(range(len(names)), [stage.rms[key] for stage in diagnosis.stages], color=_AFTER, width=0.6)
-        axis.axhline(diagnosis.floor[key], color=_FLOOR, linestyle="--", label="noise floor")
+        if (level := diagnosis.floor[key]) is not None:
+            axis.axhline(level, color=_FLOOR, linestyle="--", label="noise floor")
         axis.set_xticks(range(len(names)), names, rotation=60, ha="right")
         axis.set_title(f"{key} ({channel_unit(key, diagnosis.prismatic)})")
         axis.grid(visible=False, axis="x")

@@ -3,18 +3,21 @@
 from collections.abc import Mapping
 from typing import Any
 
-from impid_host.diagnosis.result import Diagnosis, Finding, Floor, Number, Stage
+from impid_host.checks import Checks
+from impid_host.diagnosis.result import Diagnosis, Finding, Floor, Number, Reported, Stage, Tie
 from impid_host.report.diagnosis_units import structure_words
 
 Json = dict[str, Any]
-LEAST_P = 1e-300  # below it a test underflows to zero, which no p-value is
 
 
-def diagnosis_json(diagnosis: Diagnosis) -> Json:
+def diagnosis_json(diagnosis: Diagnosis, checks: Checks | None = None) -> Json:
     """The whole answer. SI units; vectors [x, y], matrices [[xx, xy], [yx, yy]]."""
     return {
         "format": "impid-diagnosis/1",
         "study": diagnosis.study,
+        "baseline": diagnosis.baseline,
+        "verdict": diagnosis.verdict,
+        **({} if checks is None else checks.to_dict()),
         "trials": {
             "fit": list(diagnosis.fit_trials),
             "validation": list(diagnosis.validation_trials),
@@ -37,12 +40,18 @@ def diagnosis_json(diagnosis: Diagnosis) -> Json:
                 for row in diagnosis.structure
             ],
         },
-        "ambiguous": [
-            {"candidates": list(tie.candidates), "tell_apart_by": tie.tell_apart_by}
-            for tie in diagnosis.ambiguous
-        ],
+        "ambiguous": [_tie(tie) for tie in diagnosis.ambiguous],
         "notes": list(diagnosis.notes),
     }
+
+
+def _tie(tie: Tie) -> Json:
+    """Candidates, the trial that tells them apart, and what would be reported under each."""
+    under = {
+        label: {"alpha": _number(alpha), "loads": {name: _numbers(load) for name, load in loads.items()}}
+        for label, (alpha, loads) in tie.under.items()
+    }
+    return {"candidates": list(tie.candidates), "tell_apart_by": tie.tell_apart_by, "parameters": under}
 
 
 def _origin(told: Floor, key: str) -> Json:
@@ -74,14 +83,19 @@ def _stage(stage: Stage) -> Json:
 
 
 def _added(finding: Finding) -> Json:
-    rival = finding.runner_up
+    evidence = finding.evidence
+    rival = evidence.runner_up
     return {
         "effect": finding.effect,
         "where": place_of(finding.where),
+        "when": finding.when,
+        "carries": finding.carries,
         "parameters": _numbers(finding.parameters),
         "evidence": {
-            "share_of_residual": finding.share_of_residual,
-            "p_value": max(finding.p_value, LEAST_P),
+            "share_of_residual": evidence.share_of_residual,
+            "gain": evidence.gain,
+            "gain_se": evidence.gain_se,
+            "confidence": evidence.confidence,
             "runner_up": None
             if rival is None
             else {"effect": rival.effect, "where": place_of(rival.where), "margin": rival.margin},
@@ -89,8 +103,18 @@ def _added(finding: Finding) -> Json:
     }
 
 
-def _numbers(numbers: Mapping[str, Number]) -> Json:
-    return {name: _number(number) for name, number in numbers.items()}
+def _numbers(numbers: Mapping[str, Reported]) -> Json:
+    return {name: _number(own) if isinstance(own, Number) else _by_name(own) for name, own in numbers.items()}
+
+
+def _by_name(numbers: Mapping[str, Number]) -> Json:
+    """A parameter that each trial or load has for itself: value and interval by its name."""
+    unit = next(iter(numbers.values())).unit
+    return {
+        "value": {name: own.value.tolist() for name, own in numbers.items()},
+        "ci95": {name: own.ci95.tolist() for name, own in numbers.items()},
+        "unit": unit,
+    }
 
 
 def _number(number: Number) -> Json:

@@ -5,8 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 from rich.table import Column, Table
 
-from impid_host.diagnosis.result import Diagnosis, Number, Stage
-from impid_host.report.diagnosis_json import LEAST_P
+from impid_host.diagnosis.result import UNATTRIBUTED, Diagnosis, Number, Reported, Stage
 from impid_host.report.diagnosis_units import channel_unit
 
 _AXES = ("x", "y")
@@ -14,7 +13,10 @@ _AXES = ("x", "y")
 
 def stage_name(stage: Stage) -> str:
     """What the stage adds."""
-    return "papers' model" if stage.added is None else f"+ {stage.added.effect}@{'+'.join(stage.added.where)}"
+    if stage.added is None:
+        return "first model"
+    when = "" if stage.added.when == "all" else f" ({stage.added.when} trials)"
+    return f"+ {stage.added.label}{when}"
 
 
 def stage_table(diagnosis: Diagnosis) -> Table:
@@ -27,7 +29,8 @@ def stage_table(diagnosis: Diagnosis) -> Table:
         row = [f"{stage.rms[key]:.3g}\n{stage.vaf[key]:.2f} %" for key in keys]
         table.add_row(stage_name(stage), *row, end_section=number == len(diagnosis.stages) - 1)
     told = diagnosis.told
-    floor = [f"{diagnosis.floor[key]:.3g}\n{told.origin(key)}" for key in keys]
+    level = diagnosis.floor
+    floor = ["unknown" if level.get(k) is None else f"{level[k]:.3g}\n{told.origin(k)}" for k in keys]
     table.add_row("noise floor\nby", *floor)
     for words, values in (("repeated motion", told.repeated), ("data sheet and resolution", told.specified)):
         if values:
@@ -37,22 +40,27 @@ def stage_table(diagnosis: Diagnosis) -> Table:
 
 def effect_table(diagnosis: Diagnosis) -> Table:
     """What was found, with intervals, evidence and the runner-up."""
-    table = Table("effect", "parameters", "explains", "p", "runner-up", title_justify="left")
+    table = Table(
+        "effect", "parameters", "explains", "predicts better by", "sure", "runner-up", title_justify="left"
+    )
     for stage in diagnosis.stages[1:]:
         found = stage.added
         assert found is not None
+        if found.effect == UNATTRIBUTED:
+            table.add_row(found.label, "", f"{100 * found.evidence.share_of_residual:.0f} %", "", "", "")
+            continue
+        evidence = found.evidence
         words = "\n".join(f"{name} {number_words(number)}" for name, number in found.parameters.items())
-        rival = found.runner_up
+        rival = evidence.runner_up
         second = (
-            ""
-            if rival is None
-            else f"{rival.effect}@{'+'.join(rival.where)}, {100 * rival.margin:.0f} % less"
+            "" if rival is None else f"{rival.effect}@{'+'.join(rival.where)}, {rival.margin:.0f} nats less"
         )
         table.add_row(
-            f"{found.effect}@{'+'.join(found.where)}",
+            found.label,
             words,
-            f"{100 * found.share_of_residual:.0f} %",
-            f"{found.p_value:.1g}" if found.p_value > LEAST_P else "< 1e-300",
+            f"{100 * evidence.share_of_residual:.0f} %",
+            f"{evidence.gain:.0f} ± {evidence.gain_se:.0f} nats",
+            f"{evidence.confidence:.2f}",
             second,
         )
     return table
@@ -62,7 +70,7 @@ def parameter_table(diagnosis: Diagnosis) -> Table:
     """What would have been reported without the effects, and what is with them, entry by entry."""
     names = ["would have been reported" if s.added is None else stage_name(s) for s in diagnosis.stages]
     columns = [*names, "change"]
-    title = "robot and loads by the papers' model and with what was found (95 % intervals)"
+    title = "robot and loads by the first model and with what was found (95 % intervals)"
     table = Table("", *columns, title=title, title_justify="left")
     rows = [dict(_entries(stage)) for stage in diagnosis.stages]
     group = ""
@@ -127,9 +135,10 @@ def _change(first: _EntryValue | None, last: _EntryValue | None) -> str:
     return f"{share:+.1f} %" + (", outside the interval" if outside else "")
 
 
-def number_words(number: Number) -> str:
-    """Value plus or minus half its interval, entry by entry."""
-    values = number.value.ravel()
-    halves = 0.5 * (number.ci95[..., 1] - number.ci95[..., 0]).ravel()
-    unit = "" if number.unit in ("SI", "1") else f" {number.unit}"
+def number_words(reported: Reported) -> str:
+    """Value plus or minus half its interval, entry by entry; of each trial or load where each has its own."""
+    if not isinstance(reported, Number):
+        return "; ".join(f"{name} {number_words(own)}" for name, own in reported.items())
+    values, halves = reported.value.ravel(), reported.half.ravel()
+    unit = "" if reported.unit in ("SI", "1") else f" {reported.unit}"
     return ", ".join(f"{v:.4g} ± {h:.2g}" for v, h in zip(values, halves, strict=True)) + unit

@@ -67,13 +67,17 @@ def shaken_figures(fit: SpectralFit) -> dict[str, Figure]:
 def robot_figure(fit: RobotFit) -> Figure:
     """Torque of each joint, logged and by the model, over the held-out end of the first free trial."""
     part = fit.series[0]
-    prismatic = fit.parameters.structure.model.name == "slide-1d"
-    unit = "N" if prismatic else "N m"
-    names = ["force"] if prismatic else [f"torque {joint + 1}" for joint in range(len(fit.vaf))]
-    labels = [f"{name} ({unit})" for name in names]
+    structure = fit.parameters.structure
+    units = [structure.torque_units[joint].replace("*", " ") for joint in fit.joints]
+    names = [
+        ("force" if structure.model.prismatic[joint] else "torque")
+        + (f" {joint + 1}" if structure.model.joints > 1 else "")
+        for joint in fit.joints
+    ]
+    labels = [f"{name} ({unit})" for name, unit in zip(names, units, strict=True)]
     notes = [
         f"VAF {vaf:.2f} %, residual {_three(rms)} {unit} rms"
-        for vaf, rms in zip(fit.vaf, fit.rms, strict=True)
+        for vaf, rms, unit in zip(fit.vaf, fit.rms, units, strict=True)
     ]
     return _against(
         part, labels, notes, f"Robot model on {judged_on(fit)}, {part.trial}", ("logged", "model")

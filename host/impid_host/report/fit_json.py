@@ -5,14 +5,18 @@ from typing import Any
 
 import numpy as np
 
+from impid_host.checks import Agreement, Checks
 from impid_host.clock.robot import RobotClockFit
 from impid_host.impedance.constrained import Constrained
+from impid_host.impedance.force import ForceComparison
 from impid_host.impedance.identify import LoadFit, RobotFit, RobotParameters
 from impid_host.impedance.joint_space import JointImpedance
 from impid_host.impedance.matrices import Quantity
 from impid_host.impedance.partial import PartialLoadFit
 from impid_host.impedance.periodic import Periodic
+from impid_host.impedance.physical import PhysicalRobot
 from impid_host.impedance.stochastic import SpectralFit, quantities_of
+from impid_host.robot.model import LINK
 from impid_host.signals.align import AlignedTrial
 from impid_host.signals.arrays import Floats
 
@@ -31,6 +35,11 @@ def fit_json(
     constrained: Sequence[Constrained] = (),
     joints: Sequence[JointImpedance] = (),
     partial: Sequence[PartialLoadFit] = (),
+    cutoff_hz: float | None = None,
+    forces: Sequence[ForceComparison] = (),
+    physical: PhysicalRobot | None = None,
+    checks: Checks | None = None,
+    measured_twice: Agreement | None = None,
 ) -> Json:
     """The result of `fit`, format impid-fit/1. SI units; vectors [x, y], matrices [[xx, xy], [yx, yy]]."""
     by_load: dict[str, Json] = {}
@@ -44,10 +53,17 @@ def fit_json(
         by_load[tight.load].setdefault("constrained", {})[_METHODS[tight.method]] = _constrained(tight)
     for joint in joints:
         by_load[joint.load].setdefault("joint_space", {})[_METHODS[joint.method]] = _joint(joint)
+    for compared in forces:
+        by_load.setdefault(compared.load, {})["virtual_against_physical_force"] = _force(compared)
     return {
         "format": "impid-fit/1",
         "study": study,
+        **({} if checks is None else checks.to_dict()),
+        **(
+            {} if measured_twice is None else {"agreement": [pair.to_dict() for pair in measured_twice.pairs]}
+        ),
         "chain": chain,
+        "cutoff_Hz": cutoff_hz,
         "trials": [
             {
                 "name": trial.name,
@@ -59,7 +75,7 @@ def fit_json(
             }
             for trial in trials
         ],
-        "robot": _robot(robot),
+        "robot": _robot(robot, physical),
         "loads": by_load,
     }
 
@@ -81,7 +97,7 @@ def clock_json(fit: RobotClockFit) -> Json:
     }
 
 
-def _robot(robot: RobotFit | RobotParameters) -> Json:
+def _robot(robot: RobotFit | RobotParameters, physical: PhysicalRobot | None) -> Json:
     parameters = robot.parameters if isinstance(robot, RobotFit) else robot
     structure = parameters.structure
     # What the trials leave open stands there as the combinations that they determine.
@@ -102,7 +118,7 @@ def _robot(robot: RobotFit | RobotParameters) -> Json:
     if isinstance(robot, RobotFit):
         for name, ci, sd in zip(robot.estimate.names, robot.estimate.ci95, robot.estimate.sd, strict=True):
             result["parameters"][name] |= {"ci95": ci.tolist(), "sd": float(sd)}
-        keys = [f"tau{joint + 1}" for joint in range(len(robot.vaf))]
+        keys = [f"tau{joint + 1}" for joint in robot.joints]
         result |= {
             "acceleration": sorted(set(robot.sources)),
             "held_out": robot.held_out,
@@ -111,7 +127,24 @@ def _robot(robot: RobotFit | RobotParameters) -> Json:
             "relative_error_percent": robot.estimate.relative_error_percent,
             "residual_rms": _keyed(keys, robot.estimate.residual_rms),
         }
+        if physical is not None:
+            result["physical"] = _physical(physical, structure.parameter_names, keys)
+        for name, meaning in structure.model.parameter_meanings.items():
+            if name in result["parameters"]:
+                result["parameters"][name]["meaning"] = meaning
+        if robot.resting:
+            result["resting"] = [f"joint{joint + 1}" for joint in robot.resting]
     return result
+
+
+def _physical(robot: PhysicalRobot, names: Sequence[str], keys: Sequence[str]) -> Json:
+    return {
+        "parameters": _keyed(names, robot.value),
+        "links": [_keyed(LINK, link) for link in robot.links],
+        "worse_percent": robot.worse_percent,
+        "vaf": _keyed(keys, robot.vaf),
+        "validation_rms": _keyed(keys, robot.rms),
+    }
 
 
 def _load(fit: LoadFit) -> Json:
@@ -124,6 +157,29 @@ def _load(fit: LoadFit) -> Json:
         "validation_rms": _keyed(keys, fit.rms),
         "relative_error_percent": fit.estimate.relative_error_percent,
         "trials": [part.trial for part in fit.series],
+        **(
+            {}
+            if fit.beyond_force_percent is None
+            else {"torque_beyond_force_percent": fit.beyond_force_percent}
+        ),
+    }
+
+
+def _force(compared: ForceComparison) -> Json:
+    keys = [f"f{axis}" for axis in compared.axes]
+    return {
+        "trials": list(compared.trials),
+        "held_out": compared.held_out,
+        "signal_rms_N": _keyed(keys, compared.signal_rms),
+        "errors": [
+            {
+                "by": error.by,
+                "rms_N": _keyed(keys, error.rms),
+                "relative_percent": _keyed(keys, error.relative_percent),
+                "bias_N": _keyed(keys, error.bias),
+            }
+            for error in compared.errors
+        ],
     }
 
 

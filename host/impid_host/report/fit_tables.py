@@ -8,6 +8,7 @@ from rich.table import Table
 
 from impid_host.clock.robot import RobotClockFit
 from impid_host.impedance.constrained import Constrained
+from impid_host.impedance.force import ForceComparison
 from impid_host.impedance.identify import LoadFit, RobotFit
 from impid_host.impedance.joint_space import JointImpedance
 from impid_host.impedance.partial import PartialLoadFit
@@ -58,6 +59,10 @@ def load_table(fits: Sequence[LoadFit]) -> Table:
     for axis, label in enumerate(first.model.axes):
         unit = first.model.force_unit
         table.add_row(f"residual rms {label}", *(f"{fit.rms[axis]:.3g}" for fit in fits), unit)
+    if first.beyond_force_percent is not None:
+        shares = (fit.beyond_force_percent for fit in fits)
+        cells = ["" if share is None else f"{share:.1f}" for share in shares]
+        table.add_row("external torque that no force at the tip makes", *cells, "%")
     return table
 
 
@@ -151,6 +156,28 @@ def spectral_table(fits: Sequence[SpectralFit]) -> Table:
     return table
 
 
+def force_table(compared: ForceComparison) -> Table:
+    """Virtual against physical force, axis by axis."""
+    judged = "held-out" if compared.held_out else "fitted"
+    signal = ", ".join(
+        f"F{axis} {rms:.3g} N" for axis, rms in zip(compared.axes, compared.signal_rms, strict=True)
+    )
+    table = _table(
+        f"Load {compared.load}: virtual force against the sensor, {judged} data", f"measured, rms: {signal}"
+    )
+    table.add_column("virtual force by", overflow="fold")
+    for axis in compared.axes:
+        table.add_column(f"F{axis}\nrms error, N", justify="right")
+        table.add_column("\nof measured", justify="right")
+        table.add_column("\nmean, N", justify="right")
+    for error in compared.errors:
+        cells = []
+        for rms, share, bias in zip(error.rms, error.relative_percent, error.bias, strict=True):
+            cells += [f"{rms:.3g}", f"{share:.1f} %", f"{bias:+.3g}"]
+        table.add_row(error.by, *cells)
+    return table
+
+
 def sensor(fit: LoadFit) -> str:
     """What measured the force, in words."""
     return "measured torque" if fit.model.rotary else fit.method
@@ -216,11 +243,20 @@ def interval(ci: Floats) -> str:
 
 
 def _robot_caption(fit: RobotFit) -> str:
-    vaf = ", ".join(f"tau{joint + 1} {value:.2f} %" for joint, value in enumerate(fit.vaf))
-    rms = ", ".join(f"{value:.3g}" for value in fit.rms)
-    unit = "N" if fit.parameters.structure.model.name == "slide-1d" else "N m"
+    vaf = ", ".join(f"tau{joint + 1} {value:.2f} %" for joint, value in zip(fit.joints, fit.vaf, strict=True))
+    structure = fit.parameters.structure
+    units = [structure.torque_units[joint].replace("*", " ") for joint in fit.joints]
+    alike = len(set(units)) == 1
+    rms = ", ".join(
+        f"{value:.3g}" if alike else f"{value:.3g} {unit}" for value, unit in zip(fit.rms, units, strict=True)
+    ) + (f" {units[0]}" if alike else "")
+    resting = ", ".join(str(joint + 1) for joint in fit.resting)
+    left = "own friction, own inertia" + (" and torque" if len(fit.joints) < structure.model.joints else "")
+    rest = f"joint {resting} rested: {left} stay open\n" if resting else ""
+    if structure.model.parameter_meanings:
+        rest += "R: regrouped with what moves alike (the JSON says with what)\n"
     return (
-        f"VAF on {judged_on(fit)}: {vaf}; residual rms {rms} {unit}; "
+        f"{rest}VAF on {judged_on(fit)}: {vaf}; residual rms {rms}; "
         f"relative error {fit.estimate.relative_error_percent:.2f} % of the fitted rows\n"
         f"accelerations from the {sources(fit.sources)}"
     )

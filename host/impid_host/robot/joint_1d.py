@@ -3,7 +3,10 @@
 from dataclasses import dataclass
 from typing import ClassVar
 
+import numpy as np
+
 from impid_host.robot.single_axis import SingleAxis
+from impid_host.signals.arrays import Floats
 
 
 @dataclass(frozen=True, slots=True)
@@ -19,3 +22,11 @@ class Joint1D(SingleAxis):
     task_axes: ClassVar[tuple[str, ...]] = ("theta",)
     parameter_names: ClassVar[tuple[str, ...]] = ("I", "B")
     parameter_units: ClassVar[tuple[str, ...]] = ("kg*m^2", "N*m*s/rad")
+    task_is_rotary: ClassVar[bool] = True
+    torque_at_load: ClassVar[bool] = True
+    baseline: ClassVar[str] = "papers"
+    gravity_parameters: ClassVar[tuple[str, ...]] = ("gs", "gc")
+
+    def gravity_regressor(self, theta: Floats) -> Floats:
+        """Sine and cosine of the angle, whatever its zero and the axis's tilt: (N, 1) -> (N, 1, 2)."""
+        return np.stack([np.sin(theta), np.cos(theta)], axis=2)

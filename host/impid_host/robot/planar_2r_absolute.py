@@ -1,6 +1,6 @@
 """The main robot of [D]: two revolute joints, both angles measured from the base frame."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
@@ -27,8 +27,35 @@ class Planar2RAbsolute:
     prismatic: ClassVar[tuple[bool, ...]] = (False, False)
     plane_gravity_m_s2: ClassVar[tuple[float, float]] = (0.0, 0.0)
     task_axes: ClassVar[tuple[str, ...]] = ("x", "y")
+    task_is_rotary: ClassVar[bool] = False
+    torque_at_load: ClassVar[bool] = False
+    baseline: ClassVar[str] = "papers"
+    has_gravity: ClassVar[bool] = False
+    link_inertias: ClassVar[Floats | None] = None
+    parameter_meanings: ClassVar[dict[str, str]] = {}
+    nonnegative: ClassVar[tuple[bool, ...]] = (True, False, True, True, True)
+    gravity_parameters: ClassVar[tuple[str, ...]] = ("gs1", "gc1", "gs2", "gc2")
     parameter_names: ClassVar[tuple[str, ...]] = ("alpha1", "alpha2", "alpha3", "alpha4", "alpha5")
     parameter_units: ClassVar[tuple[str, ...]] = ("kg*m^2", "kg*m^2", "kg*m^2", "N*m*s/rad", "N*m*s/rad")
+
+    @property
+    def link_lengths_m(self) -> tuple[float, ...]:
+        """l1, l2."""
+        return (self.l1, self.l2)
+
+    def with_links(self, lengths_m: tuple[float, ...]) -> "Planar2RAbsolute":
+        """The same robot with other link lengths."""
+        return replace(self, l1=lengths_m[0], l2=lengths_m[1])
+
+    def first_moments(self, theta: Floats, parameters: Floats) -> Floats:
+        """Torque per unit of gravity along x and y, by the moments that the inertias tell: (N, 2, 2).
+
+        The second link's is alpha2 / (2 l1); the first link's is that of a mass at its end.
+        """
+        c, s = np.cos(theta), np.sin(theta)
+        first, second = parameters[0] / self.l1, parameters[1] / (2.0 * self.l1)
+        rows = [[first * s[:, 0], -first * c[:, 0]], [-second * c[:, 1], -second * s[:, 1]]]
+        return np.moveaxis(np.array(rows), 2, 0)
 
     def regressor(self, theta: Floats, omega: Floats, theta_dd: Floats) -> Floats:
         """Y (N, 2, 5) with I theta'' + C theta' + F_r = Y alpha."""
@@ -41,6 +68,14 @@ class Planar2RAbsolute:
         Y[:, 1, 1] = -half_sin * theta_dd[:, 0] - half_cos * omega[:, 0] ** 2
         Y[:, 1, 2] = theta_dd[:, 1]
         Y[:, 1, 4] = omega[:, 1]
+        return Y
+
+    def gravity_regressor(self, theta: Floats) -> Floats:
+        """Sine and cosine of each absolute angle on its own joint: (N, 2) -> (N, 2, 4)."""
+        Y = np.zeros((len(theta), 2, 4))
+        for joint in range(2):
+            Y[:, joint, 2 * joint] = np.sin(theta[:, joint])
+            Y[:, joint, 2 * joint + 1] = np.cos(theta[:, joint])
         return Y
 
     def position(self, theta: Floats) -> Floats:

@@ -1,6 +1,6 @@
 """Two revolute joints, the second angle measured from the first link; gravity in the plane, if any."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
@@ -33,10 +33,35 @@ class Planar2RRelative:
     joints: ClassVar[int] = 2
     prismatic: ClassVar[tuple[bool, ...]] = (False, False)
     task_axes: ClassVar[tuple[str, ...]] = ("x", "y")
+    task_is_rotary: ClassVar[bool] = False
+    torque_at_load: ClassVar[bool] = False
+    baseline: ClassVar[str] = "textbook"
 
     @property
-    def _has_gravity(self) -> bool:
+    def link_lengths_m(self) -> tuple[float, ...]:
+        """l1, l2."""
+        return (self.l1, self.l2)
+
+    def with_links(self, lengths_m: tuple[float, ...]) -> "Planar2RRelative":
+        """The same robot with other link lengths."""
+        return replace(self, l1=lengths_m[0], l2=lengths_m[1])
+
+    def first_moments(self, theta: Floats, parameters: Floats) -> Floats | None:  # noqa: ARG002
+        """None: the inertias of this form do not tell the first link's moment."""
+        return None
+
+    link_inertias: ClassVar[Floats | None] = None
+    parameter_meanings: ClassVar[dict[str, str]] = {}
+
+    @property
+    def has_gravity(self) -> bool:
+        """Gravity acts in the plane."""
         return self.gravity_m_s2 != (0.0, 0.0)
+
+    @property
+    def gravity_parameters(self) -> tuple[str, ...]:
+        """Without declared gravity: sine and cosine of each link's own angle from the base frame."""
+        return () if self.has_gravity else ("gs1", "gc1", "gs2", "gc2")
 
     @property
     def plane_gravity_m_s2(self) -> tuple[float, float]:
@@ -46,12 +71,17 @@ class Planar2RRelative:
     @property
     def parameter_names(self) -> tuple[str, ...]:
         """Without gravity its two parameters move nothing, and are left out."""
-        return _BASE + (_GRAVITY if self._has_gravity else ()) + _FRICTION
+        return _BASE + (_GRAVITY if self.has_gravity else ()) + _FRICTION
+
+    @property
+    def nonnegative(self) -> tuple[bool, ...]:
+        """Inertias and friction; first moments have either sign."""
+        return tuple(name.startswith(("ZZ", "Fv")) for name in self.parameter_names)
 
     @property
     def parameter_units(self) -> tuple[str, ...]:
         """Units in the order of the names."""
-        gravity = ("kg*m", "kg*m") if self._has_gravity else ()
+        gravity = ("kg*m", "kg*m") if self.has_gravity else ()
         return ("kg*m^2", "kg*m^2", "kg*m", "kg*m", *gravity, "N*m*s/rad", "N*m*s/rad")
 
     def regressor(self, theta: Floats, omega: Floats, theta_dd: Floats) -> Floats:
@@ -68,7 +98,7 @@ class Planar2RRelative:
         swirl = (2 * v1 + v2) * v2
         row1 = [a1, a1 + a2, self.l1 * (total * c2 - swirl * s2), -self.l1 * (total * s2 + swirl * c2)]
         row2 = [zero, a1 + a2, self.l1 * (a1 * c2 + v1**2 * s2), self.l1 * (-a1 * s2 + v1**2 * c2)]
-        if self._has_gravity:
+        if self.has_gravity:
             gx, gy = self.gravity_m_s2
             c1, s1, c12, s12 = np.cos(q1), np.sin(q1), np.cos(q1 + q2), np.sin(q1 + q2)
             along, across = gx * s12 - gy * c12, gx * c12 + gy * s12
@@ -79,6 +109,15 @@ class Planar2RRelative:
         row1 += [v1, zero]
         row2 += [zero, v2]
         return np.stack([np.stack(row1, axis=1), np.stack(row2, axis=1)], axis=1)
+
+    def gravity_regressor(self, theta: Floats) -> Floats:
+        """The second link's weight pulls at both joints: (N, 2) -> (N, 2, 4)."""
+        Y = np.zeros((len(theta), 2, 0 if self.has_gravity else 4))
+        if not self.has_gravity:
+            q12 = theta[:, 0] + theta[:, 1]
+            Y[:, 0] = np.stack([np.sin(theta[:, 0]), np.cos(theta[:, 0]), np.sin(q12), np.cos(q12)], axis=1)
+            Y[:, 1, 2:] = Y[:, 0, 2:]
+        return Y
 
     def position(self, theta: Floats) -> Floats:
         """(N, 2) rad -> (N, 2) m."""

@@ -1,6 +1,6 @@
 """What every robot of one axis shares: the axis is its own task coordinate, and nothing turns."""
 
-from typing import ClassVar
+from typing import ClassVar, Self
 
 import numpy as np
 
@@ -13,6 +13,23 @@ class SingleAxis:
     __slots__ = ()
 
     plane_gravity_m_s2: ClassVar[tuple[float, float]] = (0.0, 0.0)
+    has_gravity: ClassVar[bool] = False
+    link_inertias: ClassVar[Floats | None] = None
+    parameter_meanings: ClassVar[dict[str, str]] = {}
+    nonnegative: ClassVar[tuple[bool, ...]] = (True, True)
+
+    @property
+    def link_lengths_m(self) -> tuple[float, ...]:
+        """None declared."""
+        return ()
+
+    def with_links(self, lengths_m: tuple[float, ...]) -> Self:  # noqa: ARG002
+        """The robot itself: it has no declared lengths."""
+        return self
+
+    def first_moments(self, theta: Floats, parameters: Floats) -> Floats | None:  # noqa: ARG002
+        """None: no arm in a plane."""
+        return None
 
     def regressor(self, theta: Floats, omega: Floats, theta_dd: Floats) -> Floats:  # noqa: ARG002
         """Y (N, 1, 2)."""

@@ -3,7 +3,10 @@
 from dataclasses import dataclass
 from typing import ClassVar
 
+import numpy as np
+
 from impid_host.robot.single_axis import SingleAxis
+from impid_host.signals.arrays import Floats
 
 
 @dataclass(frozen=True, slots=True)
@@ -16,3 +19,11 @@ class Slide1D(SingleAxis):
     task_axes: ClassVar[tuple[str, ...]] = ("x",)
     parameter_names: ClassVar[tuple[str, ...]] = ("M", "Fv")
     parameter_units: ClassVar[tuple[str, ...]] = ("kg", "N*s/m")
+    task_is_rotary: ClassVar[bool] = False
+    torque_at_load: ClassVar[bool] = False
+    baseline: ClassVar[str] = "textbook"
+    gravity_parameters: ClassVar[tuple[str, ...]] = ()
+
+    def gravity_regressor(self, theta: Floats) -> Floats:
+        """A slope adds a constant force, which no gravity term is needed for: (N, 1) -> (N, 1, 0)."""
+        return np.zeros((len(theta), 1, 0))

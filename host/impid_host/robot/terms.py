@@ -14,20 +14,27 @@ JointColumn = Callable[[Floats, Floats, Floats], Floats]
 
 @dataclass(frozen=True, slots=True)
 class Term:
-    """A torque added on each joint: `parameter * column(theta, omega, theta_dd)`, (N, n) -> (N, n)."""
+    """A torque added on each joint: `parameter * column(theta, omega, theta_dd)`, (N, n) -> (N, n).
+
+    `holds`: at rest it carries whatever it must, so that the torque of a joint that rests says nothing;
+    `nonnegative`: nothing has a negative one.
+    """
 
     name: str
     parameter: str
     unit: str
     column: JointColumn
+    holds: bool = False
+    nonnegative: bool = False
 
 
 TERMS: dict[str, Term] = {
     term.name: term
     for term in (
-        Term("friction.coulomb", "Fc", "N*m", lambda _theta, omega, _acc: np.sign(omega)),
+        Term("friction.coulomb", "Fc", "N*m", lambda _theta, omega, _acc: np.sign(omega), True, True),
         Term("actuator.offset", "offset", "N*m", lambda _theta, omega, _acc: np.ones_like(omega)),
         Term("friction.quadratic", "Fq", "N*m*s^2/rad^2", lambda _theta, omega, _acc: omega * np.abs(omega)),
+        Term("inertia.rotor", "Ia", "kg*m^2", lambda _theta, _omega, acc: acc, nonnegative=True),
         Term("elastic.joint", "k", "N*m/rad", lambda theta, _omega, _acc: theta),
     )
 }
@@ -52,10 +59,28 @@ class RobotStructure:
     @property
     def parameter_units(self) -> tuple[str, ...]:
         """Units in the order of the names; on a prismatic axis N and m stand for N m and rad."""
-        prismatic = self.model.name == "slide-1d"
-        units = (term.unit for term in self.terms for _ in range(self.model.joints))
-        own = tuple(unit.replace("N*m", "N").replace("rad", "m") if prismatic else unit for unit in units)
-        return self.model.parameter_units + own
+        return self.model.parameter_units + tuple(
+            term.unit.replace("kg*m^2", "kg").replace("N*m", "N").replace("rad", "m") if slides else term.unit
+            for term in self.terms
+            for slides in self.model.prismatic
+        )
+
+    @property
+    def torque_units(self) -> tuple[str, ...]:
+        """Unit of each joint's torque, n."""
+        return tuple("N" if slides else "N*m" for slides in self.model.prismatic)
+
+    @property
+    def nonnegative(self) -> tuple[bool, ...]:
+        """Which of the parameters cannot be negative, in the order of the names."""
+        return self.model.nonnegative + tuple(
+            term.nonnegative for term in self.terms for _ in range(self.model.joints)
+        )
+
+    @property
+    def holds(self) -> bool:
+        """True where dry friction may carry a part of the torque of a joint that rests."""
+        return any(term.holds for term in self.terms)
 
     def regressor(self, theta: Floats, omega: Floats, theta_dd: Floats) -> Floats:
         """Y with tau = Y @ parameters in free motion: (N, n) three times -> (N, n, p + n * terms)."""

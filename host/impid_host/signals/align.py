@@ -1,19 +1,33 @@
-"""One trial's two logs on one uniform clock, with its motion in joints and in space."""
+"""One trial's two logs on one uniform clock, with its motion in joints and in space.
 
-from dataclasses import dataclass
-from typing import Literal
+Both logs go onto a grid at the module's rate; the chain's filters and derivatives run there. Where the
+robot's log is slower, all signals are then thinned alike to its rate, which is as much as it tells.
+"""
+
+from dataclasses import dataclass, replace
+from typing import Any, Literal
 
 import numpy as np
 
 from impid_host.clock.robot import RobotClockFit, match_clocks
 from impid_host.errors import UndeterminedError
 from impid_host.robot.model import RobotModel
-from impid_host.samples import DeviceSamples
+from impid_host.samples import ModuleSamples, rows_of
 from impid_host.signals.arrays import Floats, Mask
 from impid_host.signals.chain import Chain, erode
-from impid_host.signals.counts import joint_angles, longest_run, specific_force, usable_samples
-from impid_host.signals.resample import Grid, bridged, common_grid, nominal_rate, onto_grid
-from impid_host.study.model import AccelerometerSetup, RobotLog, Setup, Trial, TrialKind
+from impid_host.signals.counts import has_angles, joint_angles, longest_run, specific_force, usable_samples
+from impid_host.signals.resample import (
+    SHORTEST_S,
+    Grid,
+    bridged,
+    common_grid,
+    meeting_rate,
+    nominal_rate,
+    onto_grid,
+    oversampling,
+    thinned,
+)
+from impid_host.study.model import AccelerometerSetup, ForceSensor, RobotLog, Setup, Trial, TrialKind
 
 AccelerationSource = Literal["accelerometer", "angles"]
 
@@ -25,11 +39,11 @@ class AlignedTrial:
     Attributes:
         t: the module's clock (the robot's, without a module), s, shape (N,), from the trial's first common
             instant.
-        rate_hz: of the grid.
+        rate_hz: of the grid: that of the slower log.
         theta, omega, theta_dd: joint angle, velocity, acceleration, rad and s (m for a prismatic joint),
             shape (N, n).
         tau: joint torque, N m (N), shape (N, n).
-        force: physical sensor, force of the load on the robot, N, shape (N, 2), or None.
+        force: physical sensor, force of the load on the robot, base frame, N, shape (N, 2), or None.
         perturbation: commanded perturbation force, N, shape (N, 2), or None.
         x, v, a: end-effector position, velocity, acceleration in the base frame, shape (N, d).
         valid: instants that neither a gap nor a filter's edge touches, shape (N,).
@@ -63,11 +77,19 @@ class AlignedTrial:
 
 
 @dataclass(frozen=True, slots=True)
-class _Raw:
-    """Angles, torques and forces on the grid, before any filter."""
+class RawSignals:
+    """What was measured, on one grid, before any filter; the trial keeps every `thin`-th instant.
+
+    Attributes:
+        theta: joint angles by the module where it has them, (N, n); theta_robot: by the controller, None
+            where there is no second clock.
+        specific_force: along the sensor's axes, m/s^2, (N, 2); force: along the force sensor's, N, (N, 2).
+    """
 
     grid: Grid
+    thin: int
     theta: Floats
+    theta_robot: Floats | None
     specific_force: Floats | None
     tau: Floats
     force: Floats | None
@@ -76,14 +98,12 @@ class _Raw:
     clock: RobotClockFit | None
 
 
-def device_angles(device: DeviceSamples, setup: Setup) -> tuple[Floats, Floats]:
+def device_angles(device: ModuleSamples, setup: Setup) -> tuple[Floats, Floats]:
     """Times (N,), s, and angles (N, n) of the module's longest run without a reset or encoder fault.
 
     Raises:
-        UndeterminedError: the setup describes no encoder.
+        UndeterminedError: the module has no angles, or the setup does not describe its encoders.
     """
-    if setup.encoder is None:
-        raise UndeterminedError("setup.toml has no [encoder]; add counts_per_rev, zero_rad and direction")
     run = _run(device)
     keep = usable_samples(run)
     theta = joint_angles(run, setup.encoder)
@@ -102,11 +122,15 @@ def robot_rows(log: RobotLog) -> RobotLog:
         force=None if log.force is None else log.force[good],
         perturbation=None if log.perturbation is None else log.perturbation[good],
         sync=None if log.sync is None else log.sync[good],
+        stamps=log.stamps,
     )
 
 
-def match_trial(trial: Trial, setup: Setup) -> RobotClockFit:
+def match_trial(trial: Trial, setup: Setup, widest_s: float | None = None) -> RobotClockFit:
     """The clock match of one trial.
+
+    Args:
+        widest_s: how much the match may leave open; the clock's own limit where it is None.
 
     Raises:
         UndeterminedError: no module in this trial, or the angles do not determine the clocks; names the
@@ -118,7 +142,8 @@ def match_trial(trial: Trial, setup: Setup) -> RobotClockFit:
     rows = robot_rows(trial.robot)
     joints = theta_device.shape[1]
     try:
-        return match_clocks(t_device, theta_device, rows.t, rows.theta[:, :joints])
+        limit = {} if widest_s is None else {"widest_s": widest_s}
+        return match_clocks(t_device, theta_device, rows.t, rows.theta[:, :joints], **limit)
     except UndeterminedError as error:
         raise UndeterminedError(f"trial {trial.name}: {error}") from error
 
@@ -136,21 +161,15 @@ def align(
         UndeterminedError: the clocks cannot be matched, there is no accelerometer though it was asked for,
             or less than 2 s remain.
     """
-    measured = trial.device is not None and setup.accelerometer is not None and model.joints == 2
+    # Two axes of acceleration give as many joints' accelerations as move the end-effector in their plane.
+    planar = model.joints == len(model.task_axes) == 2
+    measured = trial.device is not None and setup.accelerometer is not None and planar
     if source == "accelerometer" and not measured:
         raise UndeterminedError(
             f"trial {trial.name}: no accelerometer beside this robot model; use --acceleration angles"
         )
     source = source or ("accelerometer" if measured else "angles")
-    try:
-        raw = (
-            _on_device_clock(trial, trial.device, setup)
-            if trial.device is not None
-            else _on_robot_clock(trial)
-        )
-    except UndeterminedError as error:
-        text = str(error)
-        raise UndeterminedError(text if trial.name in text else f"trial {trial.name}: {text}") from error
+    raw = raw_signals(trial, setup)
     rate = raw.grid.rate_hz
     theta, omega = chain.value(raw.theta, rate), chain.derivative(raw.theta, rate)
     x = model.position(theta)
@@ -164,7 +183,8 @@ def align(
     else:
         theta_dd = chain.second_derivative(raw.theta, rate)
         a = np.einsum("kij,kj->ki", J, theta_dd) + np.einsum("kij,kj->ki", J_rate, omega)
-    return AlignedTrial(
+    force = None if raw.force is None else base_frame_force(raw.force, raw.theta, setup.force_sensor, model)
+    fine = AlignedTrial(
         name=trial.name,
         kind=trial.kind,
         load=trial.load,
@@ -174,7 +194,7 @@ def align(
         omega=omega,
         theta_dd=theta_dd,
         tau=chain.torque(raw.tau, rate),
-        force=None if raw.force is None else chain.torque(raw.force, rate),
+        force=None if force is None else chain.torque(force, rate),
         perturbation=None if raw.perturbation is None else chain.torque(raw.perturbation, rate),
         x=x,
         v=v,
@@ -183,12 +203,52 @@ def align(
         source=source,
         clock=raw.clock,
     )
+    return _at_meeting_rate(fine, raw.thin)
+
+
+def raw_signals(trial: Trial, setup: Setup, widest_s: float | None = None) -> RawSignals:
+    """Everything that a trial measured on one uniform clock.
+
+    Args:
+        widest_s: how much the match of the clocks may leave open, s.
+
+    Raises:
+        UndeterminedError: the clocks cannot be matched, or less than 2 s remain; names the trial.
+    """
+    try:
+        if trial.device is None:
+            return _on_robot_clock(trial)
+        return _on_device_clock(trial, trial.device, setup, widest_s)
+    except UndeterminedError as error:
+        text = str(error)
+        raise UndeterminedError(text if trial.name in text else f"trial {trial.name}: {text}") from error
+
+
+_SIGNALS = ("theta", "omega", "theta_dd", "tau", "force", "perturbation", "x", "v", "a")
+
+
+def _at_meeting_rate(trial: AlignedTrial, thin: int) -> AlignedTrial:
+    if thin == 1:
+        return trial
+    present = {name: values for name in _SIGNALS if (values := getattr(trial, name)) is not None}
+    kept: dict[str, Any] = {name: thinned(values, thin) for name, values in present.items()}
+    return replace(trial, **kept, t=trial.t[::thin], rate_hz=trial.rate_hz / thin, valid=trial.valid[::thin])
 
 
 def sensor_angle(theta: Floats, accelerometer: AccelerometerSetup, model: RobotModel) -> Floats:
     """Angle from x to the sensor's first axis: (N, n) -> (N,), rad."""
     angle = np.full(len(theta), accelerometer.mount_angle_rad)
     return angle + model.tip_angle(theta) if accelerometer.mount == "link2" else angle
+
+
+def base_frame_force(force: Floats, theta: Floats, sensor: ForceSensor, model: RobotModel) -> Floats:
+    """Force along the sensor's axes in the base frame: (N, 2), (N, n) -> (N, 2), N."""
+    angle = np.full(len(force), sensor.mount_angle_rad)
+    if sensor.frame == "link2":
+        angle = angle + model.tip_angle(theta)
+    elif sensor.mount_angle_rad == 0.0:
+        return force
+    return base_frame_acceleration(force, angle)
 
 
 def base_frame_acceleration(
@@ -213,50 +273,89 @@ def joint_acceleration(a: Floats, J: Floats, J_rate: Floats, omega: Floats) -> F
     return result
 
 
-def _run(device: DeviceSamples) -> DeviceSamples:
+def _run(device: ModuleSamples) -> ModuleSamples:
     if len(device) == 0:
         raise UndeterminedError("device.csv has no samples")
-    part = longest_run(device)
-    names = ("t_us", "seq", "ax", "ay", "enc1", "enc2", "flags")
-    return DeviceSamples(**{name: getattr(device, name)[part] for name in names})
+    return rows_of(device, longest_run(device))
 
 
-def _on_device_clock(trial: Trial, device: DeviceSamples, setup: Setup) -> _Raw:
-    if setup.encoder is None:
-        raise UndeterminedError("setup.toml has no [encoder]; add counts_per_rev, zero_rad and direction")
-    clock = match_trial(trial, setup)
+def _on_device_clock(trial: Trial, device: ModuleSamples, setup: Setup, widest_s: float | None) -> RawSignals:
     run, log = _run(device), robot_rows(trial.robot)
-    t_device, t_robot = run.t_us.astype(np.float64) * 1e-6, clock.to_device(log.t)
-    grid = common_grid(max(t_device[0], t_robot[0]), min(t_device[-1], t_robot[-1]), nominal_rate(t_device))
-    usable, every = usable_samples(run), np.ones(len(log), dtype=bool)
-    valid = bridged(t_device, usable, grid) & bridged(t_robot, every, grid)
-    force = None
-    if setup.accelerometer is not None:
-        force = onto_grid(t_device, specific_force(run, setup.accelerometer), usable, grid)
-    return _Raw(
+    clock = match_trial(trial, setup, widest_s) if has_angles(run) else None
+    t_device = run.t_us.astype(np.float64) * 1e-6
+    t_robot = log.t if clock is None else clock.to_device(log.t)
+    rate_device, usable = nominal_rate(t_device), usable_samples(run)
+    meeting = meeting_rate(rate_device, nominal_rate(t_robot))
+    thin = oversampling(rate_device, meeting)
+    start, end = max(t_device[0], t_robot[0]), min(t_device[-1], t_robot[-1])
+    if clock is None and end - start < SHORTEST_S:
+        raise UndeterminedError(
+            f"the module has no angles and its stamps (from {t_device[0]:.3f} s) do not overlap with the "
+            f"robot's (from {t_robot[0]:.3f} s); it must share the robot's clock, or log the angles"
+        )
+    grid = common_grid(start, end, meeting * thin)
+    on_robot = _RobotOnGrid(log, t_robot, grid)
+    theta, felt = _module_on_grid(run, setup, t_device, usable, grid)
+    return RawSignals(
         grid=grid,
-        theta=onto_grid(t_device, joint_angles(run, setup.encoder), usable, grid),
-        specific_force=force,
-        tau=onto_grid(t_robot, log.tau, every, grid),
-        force=None if log.force is None else onto_grid(t_robot, log.force, every, grid),
-        perturbation=None if log.perturbation is None else onto_grid(t_robot, log.perturbation, every, grid),
-        valid=valid,
+        thin=thin,
+        theta=on_robot.theta if theta is None else theta,
+        theta_robot=None if theta is None else on_robot.theta[:, : theta.shape[1]],
+        specific_force=felt,
+        tau=on_robot.tau,
+        force=on_robot.force,
+        perturbation=on_robot.perturbation,
+        valid=bridged(t_device, usable, grid) & on_robot.valid,
         clock=clock,
     )
 
 
-def _on_robot_clock(trial: Trial) -> _Raw:
+def _module_on_grid(
+    run: ModuleSamples, setup: Setup, t: Floats, usable: Mask, grid: Grid
+) -> tuple[Floats | None, Floats | None]:
+    """Angles (N, n) and specific force (N, 2) on the grid, None for what the module does not measure."""
+    theta = joint_angles(run, setup.encoder) if has_angles(run) else None
+    if setup.accelerometer is None:
+        return None if theta is None else onto_grid(t, theta, usable, grid), None
+    felt, delay_s = specific_force(run, setup.accelerometer), setup.accelerometer.delay_s
+    if theta is None or delay_s != 0.0:
+        # What the sensor felt at t comes out delay_s later.
+        later = onto_grid(t - delay_s, felt, usable, grid)
+        return None if theta is None else onto_grid(t, theta, usable, grid), later
+    together = onto_grid(t, np.concatenate([theta, felt], axis=1), usable, grid)
+    return together[:, :-2], together[:, -2:]
+
+
+def _on_robot_clock(trial: Trial) -> RawSignals:
     log = robot_rows(trial.robot)
-    rate = nominal_rate(log.t)
-    grid = common_grid(log.t[0], log.t[-1], rate)
-    every = np.ones(len(log), dtype=bool)
-    return _Raw(
+    grid = common_grid(log.t[0], log.t[-1], nominal_rate(log.t))
+    on_robot = _RobotOnGrid(log, log.t, grid)
+    return RawSignals(
         grid=grid,
-        theta=onto_grid(log.t, log.theta, every, grid),
+        thin=1,
+        theta=on_robot.theta,
+        theta_robot=None,
         specific_force=None,
-        tau=onto_grid(log.t, log.tau, every, grid),
-        force=None if log.force is None else onto_grid(log.t, log.force, every, grid),
-        perturbation=None if log.perturbation is None else onto_grid(log.t, log.perturbation, every, grid),
-        valid=bridged(log.t, every, grid),
+        tau=on_robot.tau,
+        force=on_robot.force,
+        perturbation=on_robot.perturbation,
+        valid=on_robot.valid,
         clock=None,
     )
+
+
+class _RobotOnGrid:
+    """The robot's columns on a grid, by one spline; instants beside a missing force are not valid."""
+
+    def __init__(self, log: RobotLog, t: Floats, grid: Grid) -> None:
+        columns = {"theta": log.theta, "tau": log.tau, "force": log.force, "perturbation": log.perturbation}
+        present = {name: values for name, values in columns.items() if values is not None}
+        known = {name: np.isfinite(values).all(axis=1) for name, values in present.items()}
+        present = {name: values for name, values in present.items() if known[name].any()}
+        every = np.logical_and.reduce([known[name] for name in present])
+        together = onto_grid(t, np.concatenate(list(present.values()), axis=1), every, grid)
+        edges = np.cumsum([values.shape[1] for values in present.values()])[:-1]
+        parts = dict(zip(present, np.split(together, edges, axis=1), strict=True))
+        self.theta, self.tau = parts["theta"], parts["tau"]
+        self.force, self.perturbation = parts.get("force"), parts.get("perturbation")
+        self.valid = bridged(t, every, grid)

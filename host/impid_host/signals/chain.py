@@ -143,7 +143,7 @@ def erode(valid: Mask, samples: int) -> Mask:
     """Drop `samples` at both ends and beside every gap: `valid` (N,) -> (N,)."""
     if samples <= 0:
         return valid
-    bad = np.concatenate([[1], (~valid).astype(np.int64), [1]])
-    reach = np.convolve(bad, np.ones(2 * samples + 1, dtype=np.int64), mode="same")
-    result: Mask = reach[1:-1] == 0
+    ends = np.ones(samples + 1, dtype=np.int64)
+    bad_before = np.cumsum(np.concatenate([[0], ends, ~valid, ends]))
+    result: Mask = bad_before[2 * samples + 2 : -1] == bad_before[1 : -(2 * samples + 2)]
     return result

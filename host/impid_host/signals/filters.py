@@ -5,7 +5,22 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import signal
 
+from impid_host.errors import UndeterminedError
 from impid_host.signals.arrays import Floats
+
+
+def _below_half(cutoff_hz: float, rate_hz: float) -> float:
+    """The cut-off, if a signal of this rate has one.
+
+    Raises:
+        UndeterminedError: it does not lie below half the rate.
+    """
+    if cutoff_hz >= 0.5 * rate_hz:
+        raise UndeterminedError(
+            f"signals at {rate_hz:.4g} Hz have no part at {cutoff_hz:.4g} Hz to filter; log faster, or take "
+            "a lower --cutoff or another --chain"
+        )
+    return cutoff_hz
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,7 +37,8 @@ class ZeroPhaseLowPass:
 
     def apply(self, values: Floats, rate_hz: float) -> Floats:
         """Filter along axis 0; any trailing shape."""
-        sections = signal.butter(self.order, self.cutoff_hz, fs=rate_hz, output="sos")
+        cutoff_hz = _below_half(self.cutoff_hz, rate_hz)
+        sections = signal.butter(self.order, cutoff_hz, fs=rate_hz, output="sos")
         pad = min(len(values) - 1, int(3 * rate_hz / self.cutoff_hz))
         result: Floats = signal.sosfiltfilt(sections, values, axis=0, padlen=pad)
         return result
@@ -44,7 +60,8 @@ class ZeroPhaseChebyshev:
 
     def apply(self, values: Floats, rate_hz: float) -> Floats:
         """Filter along axis 0; any trailing shape."""
-        sections = signal.cheby1(self.order, self.ripple_dB, self.cutoff_hz, fs=rate_hz, output="sos")
+        cutoff_hz = _below_half(self.cutoff_hz, rate_hz)
+        sections = signal.cheby1(self.order, self.ripple_dB, cutoff_hz, fs=rate_hz, output="sos")
         result: Floats = signal.sosfiltfilt(sections, values, axis=0)
         return result
 

@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 
 from impid_host.errors import InputError
 from impid_host.study.notices import notice
+from impid_host.study.text_clock import across_midnight, clock_seconds
 
 # 2 GiB of robot log is half a day at 1 kHz: no trial, and more than a small computer can hold as columns.
 MAX_CSV_BYTES = 2 << 30
@@ -92,6 +93,7 @@ def read_header(path: Path, dialect: CsvDialect = STUDY_DIALECT) -> list[str]:
             raise InputError(
                 path, f"is {size >> 20} MiB long", "cut the log into trials of less than 2 GiB each"
             )
+        encoding = _encoding(path)
         with _open(path) as file:
             row, line = next(_filled_lines(file, dialect), (1, ""))
     except FileNotFoundError:
@@ -108,6 +110,8 @@ def read_header(path: Path, dialect: CsvDialect = STUDY_DIALECT) -> list[str]:
         names = _cells(line, dialect)
     except csv.Error as error:
         raise InputError(path, f"has a broken header ({error})", "correct it", row=row) from None
+    if encoding == "latin-1":
+        notice(f"{path}: is not UTF-8; read as Latin-1")
     return names if dialect.header else [str(i + 1) for i in range(len(names))]
 
 
@@ -117,11 +121,15 @@ def read_columns(
     *,
     header: Sequence[str],
     may_be_empty: Sequence[str] = (),
+    clocks: Sequence[str] = (),
     dialect: CsvDialect = STUDY_DIALECT,
+    broken: dict[int, InputError] | None = None,
 ) -> CsvTable:
     """Read the columns `wanted` (name -> dtype) of a CSV file whose header is `header`, in any order.
 
-    An empty cell or NaN is an error in every column but those of `may_be_empty`, where it becomes NaN.
+    An empty cell or NaN is an error in every column but those of `may_be_empty`, where it becomes NaN. In a
+    column of `clocks` a time such as 14:03:07.125 becomes seconds. With `broken`, cells of columns of floats
+    that cannot be read become NaN, and what is wrong is noted there by data row.
 
     Raises:
         InputError: a column is missing or there twice, a cell holds no number that fits, or there is no row.
@@ -129,7 +137,11 @@ def read_columns(
     _check_header(path, wanted, header)
     columns = _read_fast(path, wanted, header, dialect)
     if columns is None or any(_has_nan(columns[name]) for name in wanted if name not in may_be_empty):
-        columns = _read_carefully(path, wanted, may_be_empty, header, dialect)
+        cells = [
+            _Column(name, header.index(name), dtype, name in may_be_empty, name in clocks)
+            for name, dtype in wanted.items()
+        ]
+        columns = _read_carefully(path, cells, len(header), dialect, broken)
     if len(next(iter(columns.values()))) == 0:
         raise InputError(path, "has a header but no rows", "the log was never filled; record it again")
     return CsvTable(path, columns, dialect)
@@ -139,11 +151,25 @@ def _check_header(path: Path, wanted: Mapping[str, np.dtype[Any]], header: Seque
     missing = [name for name in wanted if name not in header]
     if missing:
         there = ", ".join(header) if len(header) <= 30 else ", ".join(header[:30]) + ", ..."
-        remedy = "write comma-separated columns with these names, or use `impid-host import`"
+        remedy = hint_at_delimiter(header) or (
+            "write comma-separated columns with these names, or use `impid-host import`"
+        )
         raise InputError(path, f"has no column {', '.join(missing)} (it has: {there})", remedy, row=1)
     twice = [name for name in wanted if header.count(name) > 1]
     if twice:
         raise InputError(path, f"has column {twice[0]} twice", "rename or remove one of them", row=1)
+
+
+def hint_at_delimiter(header: Sequence[str]) -> str:
+    """What to say in a mapping where the whole header looks like one name; else nothing."""
+    if len(header) == 1:
+        for character, written in ((";", ";"), ("\t", "\\t"), (",", ","), (" ", "whitespace")):
+            if character in header[0]:
+                return (
+                    f'the columns are separated otherwise: say [log] delimiter = "{written}" in a mapping '
+                    "for `impid-host import`"
+                )
+    return ""
 
 
 def _read_fast(
@@ -181,32 +207,75 @@ def _read_fast(
     return columns
 
 
+@dataclass(frozen=True, slots=True)
+class _Column:
+    """A column to read: its name and place, what it holds, and what else a cell may be."""
+
+    name: str
+    place: int
+    dtype: np.dtype[Any]
+    optional: bool
+    clock: bool
+
+
 def _read_carefully(
     path: Path,
-    wanted: Mapping[str, np.dtype[Any]],
-    may_be_empty: Sequence[str],
-    header: Sequence[str],
+    wanted: Sequence[_Column],
+    width: int,
     dialect: CsvDialect,
+    broken: dict[int, InputError] | None,
 ) -> dict[str, NDArray[Any]]:
     """The columns cell by cell.
 
     Raises:
-        InputError: at the first cell that holds no fitting number.
+        InputError: at the first cell that holds no fitting number, unless `broken` takes it.
     """
-    if _encoding(path) == "latin-1":
-        notice(f"{path}: is not UTF-8; read as Latin-1")
-    places = [(name, header.index(name), dtype, name in may_be_empty) for name, dtype in wanted.items()]
-    values: dict[str, array[Any]] = {name: array(dtype.char) for name, dtype in wanted.items()}
-    for row, cells in _rows(path, dialect):
-        if len(cells) != len(header):
-            remedy = "complete or delete that row (a cut-off last row is what a power cut leaves)"
-            raise InputError(
-                path, f"has {len(cells)} cells where there are {len(header)} columns", remedy, row=row
-            )
-        for name, place, dtype, optional in places:
-            text = cells[place] if dialect.decimal == "." else cells[place].replace(dialect.decimal, ".")
-            values[name].append(_number(path, row, name, text, dtype=dtype, optional=optional))
-    return {name: np.frombuffer(values[name], dtype=dtype).copy() for name, dtype in wanted.items()}
+    values: dict[str, array[Any]] = {column.name: array(column.dtype.char) for column in wanted}
+    clocks: set[str] = set()
+    for index, (row, cells) in enumerate(_rows(path, dialect)):
+        if len(cells) != width:
+            error = _wrong_width(path, row, cells, width, dialect)
+            if broken is None:
+                raise error
+            broken.setdefault(index, error)
+        for column in wanted:
+            written = cells[column.place] if column.place < len(cells) else ""
+            text = written if dialect.decimal == "." else written.replace(dialect.decimal, ".")
+            try:
+                if column.clock and ":" in text:
+                    values[column.name].append(_clock(path, row, column.name, text))
+                    clocks.add(column.name)
+                else:
+                    values[column.name].append(_number(path, row, column, text))
+            except InputError as error:
+                if broken is None or column.dtype.kind != "f":
+                    raise
+                broken.setdefault(index, error)
+                values[column.name].append(math.nan)
+    columns = {
+        column.name: np.frombuffer(values[column.name], dtype=column.dtype).copy() for column in wanted
+    }
+    return columns | {name: across_midnight(columns[name]) for name in clocks}
+
+
+def _wrong_width(path: Path, row: int, cells: list[str], width: int, dialect: CsvDialect) -> InputError:
+    remedy = "complete or delete that row (a cut-off last row is what a power cut leaves)"
+    if dialect.delimiter == "," and any(";" in cell for cell in cells):
+        remedy = (
+            'if cells are separated by semicolons, say [log] delimiter = ";" (and decimal = ",") in a mapping'
+        )
+    elif dialect.delimiter == "," and len(cells) > width:
+        remedy += '; a decimal comma needs [log] decimal = "," and another delimiter in a mapping'
+    what = f"has {len(cells)} cells where there are {width} columns"
+    return InputError(path, what, remedy, row=row)
+
+
+def _clock(path: Path, row: int, name: str, text: str) -> float:
+    try:
+        return clock_seconds(text)
+    except ValueError:
+        remedy = "write it as HH:MM:SS.mmm, or as seconds"
+        raise InputError(path, f"column {name} holds {text[:40]!r}, not a time", remedy, row=row) from None
 
 
 def _open(path: Path) -> TextIO:
@@ -241,12 +310,11 @@ def _rows(path: Path, dialect: CsvDialect) -> Iterator[tuple[int, list[str]]]:
                 raise InputError(path, f"is no CSV text ({error})", "correct that row", row=row) from None
 
 
-def _number(
-    path: Path, row: int, name: str, text: str, *, dtype: np.dtype[Any], optional: bool
-) -> float | int:
+def _number(path: Path, row: int, column: _Column, text: str) -> float | int:
+    name, dtype = column.name, column.dtype
     shown = text if len(text) <= 40 else text[:37] + "..."
     if text in _MISSING:
-        if optional:
+        if column.optional:
             return math.nan
         raise InputError(
             path, f"column {name} is empty or NaN", "delete that row or repair the value", row=row
@@ -255,11 +323,9 @@ def _number(
         value = float(_plain(text)) if dtype.kind == "f" else _whole(_plain(text))
     except ValueError:
         kind = "a number" if dtype.kind == "f" else "a whole number"
-        raise InputError(
-            path, f"column {name} holds {shown!r}, not {kind}", "correct that value", row=row
-        ) from None
+        raise InputError(path, f"column {name} holds {shown!r}, not {kind}", _remedy(text), row=row) from None
     if dtype.kind == "f":
-        if math.isnan(value) and not optional:
+        if math.isnan(value) and not column.optional:
             raise InputError(path, f"column {name} is NaN", "delete that row or repair the value", row=row)
         return value
     limits = np.iinfo(dtype)
@@ -267,6 +333,17 @@ def _number(
         between = f"it must lie between {limits.min} and {limits.max}"
         raise InputError(path, f"column {name} holds {shown}", between, row=row)
     return value
+
+
+def _remedy(text: str) -> str:
+    """What to do about a cell that is no number: often the dialect is another than was said."""
+    if _NUMBER.fullmatch(text.replace(",", ".", 1)) is not None:
+        return 'a decimal comma is read with [log] decimal = "," (and delimiter = ";") in a mapping'
+    parts = [part.strip() for part in re.split(r"[;\t ]+", text) if part.strip()]
+    if len(parts) > 1 and all(_NUMBER.fullmatch(part.replace(",", ".")) for part in parts):
+        character = ";" if ";" in text else "\\t" if "\t" in text else "whitespace"
+        return f'the cells are separated otherwise: say [log] delimiter = "{character}" in a mapping'
+    return "correct that value"
 
 
 def _plain(text: str) -> str:

@@ -5,6 +5,7 @@ name. Every operand becomes an array of doubles first, so no formula can build a
 """
 
 import ast
+import functools
 import operator
 from collections.abc import Callable
 from typing import Any
@@ -31,8 +32,8 @@ FUNCTIONS: dict[str, Callable[..., Any]] = {
     "abs": np.abs,
     "sign": np.sign,
     "hypot": np.hypot,
-    "minimum": np.minimum,
-    "maximum": np.maximum,
+    "minimum": lambda first, *others: functools.reduce(np.minimum, others, first),
+    "maximum": lambda first, *others: functools.reduce(np.maximum, others, first),
     "unwrap": np.unwrap,
 }
 CONSTANTS = {"pi": np.pi, "g0": 9.80665}
@@ -71,7 +72,7 @@ def evaluate(expression: str, column: Callable[[str], NDArray[np.float64]]) -> N
     """
     if len(expression) > MAX_CHARACTERS:
         raise ExpressionError(f"is longer than {MAX_CHARACTERS} characters")
-    functions = {name: _on_doubles(function) for name, function in FUNCTIONS.items()}
+    functions = {name: _on_doubles(_of_operands(name, function)) for name, function in FUNCTIONS.items()}
     evaluator = SimpleEval(
         operators={node: _on_doubles(function) for node, function in _OPERATORS.items()},
         functions=functions | {"col": _by_name(column)},
@@ -97,6 +98,20 @@ def _compare(evaluator: SimpleEval, node: ast.Compare) -> NDArray[np.float64]:
         raise ExpressionError("chains comparisons; multiply two of them instead")
     compare = evaluator.operators[type(node.ops[0])]
     return _doubles(compare(evaluator._eval(node.left), evaluator._eval(node.comparators[0])))
+
+
+def _of_operands(name: str, function: Callable[..., Any]) -> Callable[..., Any]:
+    """The function with its operands alone: numpy takes further ones, such as where to put the result."""
+    takes = function.nin if isinstance(function, np.ufunc) else 1
+    if name in ("minimum", "maximum"):
+        return function
+
+    def run(*operands: NDArray[np.float64]) -> Any:
+        if len(operands) != takes:
+            raise ExpressionError(f"gives {name} {len(operands)} values; it takes {takes}")
+        return function(*operands)
+
+    return run
 
 
 def _on_doubles(function: Callable[..., Any]) -> Callable[..., Any]:

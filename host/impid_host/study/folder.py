@@ -1,11 +1,17 @@
 """The study folder: a whole campaign as plain files (docs/study-format.md)."""
 
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 from impid_host.errors import InputError
+from impid_host.samples import DeviceSamples, ModuleSamples
+from impid_host.signals.counts import encoder_counts
 from impid_host.study.device_csv import read_device_samples, write_device_samples
-from impid_host.study.model import Setup, Study, Trial
+from impid_host.study.joints import logged_joints
+from impid_host.study.model import EncoderSetup, Setup, Study, Trial
+from impid_host.study.narrow_counter import narrow_joints, widened
+from impid_host.study.notices import notice
 from impid_host.study.robot_csv import read_robot_log, write_robot_log
 from impid_host.study.setup_file import read_setup, write_setup
 from impid_host.study.trial_file import read_trial_head, write_trial_head
@@ -28,9 +34,11 @@ def read_study(path: Path | str) -> Study:
         raise InputError(folder, what, "give the path of a study folder, which holds setup.toml")
     setup = read_setup(folder / "setup.toml")
     trials = tuple(read_trial(place, setup) for place in _trial_folders(folder))
+    trials = _with_wide_counters(trials, setup.encoder, folder)
     if not trials:
         remedy = "put each trial into a subfolder with trial.toml and robot.csv"
         raise InputError(folder, "holds no trials", remedy)
+    logged_joints(setup.robot, trials[0].robot.theta.shape[1], folder / "setup.toml")
     return Study(name=folder.resolve().name, setup=setup, trials=trials, source=folder)
 
 
@@ -46,22 +54,64 @@ def read_trial(path: Path | str, setup: Setup) -> Trial:
         raise InputError(
             folder, "holds no robot.csv", "add the robot's log, or remove the folder from the study"
         )
+    robot = read_robot_log(folder / "robot.csv", setup.robot.model)
     device = None
     if (folder / "device.csv").exists():
-        if setup.encoder is None or setup.accelerometer is None:
-            missing = "[encoder]" if setup.encoder is None else "[accelerometer]"
-            remedy = f"add {missing} to setup.toml, or remove device.csv"
-            raise InputError(folder / "device.csv", f"is there, but setup.toml has no {missing}", remedy)
-        device = read_device_samples(folder / "device.csv")
+        device = _read_device(folder / "device.csv", setup)
     return Trial(
         name=folder.name,
         kind=head.kind,
         load=head.load,
-        robot=read_robot_log(folder / "robot.csv", setup.robot.model),
+        robot=robot,
         device=device,
         on=head.on,
         payload_kg=head.payload_kg,
         note=head.note,
+        session=head.session,
+    )
+
+
+def _read_device(path: Path, setup: Setup) -> ModuleSamples:
+    """The module's samples.
+
+    Raises:
+        InputError: they cannot be used, or setup.toml does not describe what they hold.
+    """
+    device = read_device_samples(path)
+    counted = encoder_counts(device) is not None
+    for table, needed, there in (
+        ("[encoder]", counted, setup.encoder),
+        ("[accelerometer]", True, setup.accelerometer),
+    ):
+        if needed and there is None:
+            remedy = f"add {table} to setup.toml, or remove device.csv"
+            raise InputError(path, f"is there, but setup.toml has no {table}", remedy)
+    coded = isinstance(device, DeviceSamples) or device.codes is not None
+    if coded and setup.accelerometer is not None and not setup.accelerometer.reads_codes:
+        remedy = "add vref_V, full_scale_code, zero_g_V and sensitivity_V_per_g to its [accelerometer]"
+        raise InputError(path, "has codes ax, ay, which setup.toml does not explain", remedy)
+    return device
+
+
+def _with_wide_counters(
+    trials: tuple[Trial, ...], encoder: EncoderSetup | None, folder: Path
+) -> tuple[Trial, ...]:
+    """Where a counter of 16 bits wraps in one trial, it is as narrow in all of them."""
+    devices = [trial.device for trial in trials if trial.device is not None]
+    narrow = tuple(sorted({joint for device in devices for joint in narrow_joints(device)}))
+    if encoder is None or not narrow:
+        return trials
+    names = " and ".join(f"enc{joint + 1}" for joint in narrow)
+    notice(f"{folder}: {names} in device.csv wraps at 16 bits; the turns are put together again")
+    return tuple(
+        trial
+        if trial.device is None
+        else replace(
+            trial,
+            device=widened(trial.device, narrow, encoder, trial.robot.theta),
+            narrow_counters=narrow,
+        )
+        for trial in trials
     )
 
 

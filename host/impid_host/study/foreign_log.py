@@ -1,5 +1,6 @@
 """A log of another program, whatever its file format: named numeric columns, read one at a time."""
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Protocol
 
@@ -9,8 +10,9 @@ import pyarrow.parquet
 from numpy.typing import NDArray
 
 from impid_host.errors import InputError
-from impid_host.study.csv_table import CsvDialect, CsvTable, read_columns, read_header
+from impid_host.study.csv_table import CsvDialect, CsvTable, hint_at_delimiter, read_columns, read_header
 from impid_host.study.mat_log import Hdf5Log, MatLog
+from impid_host.study.rosbag_log import RosbagLog, bag_of
 
 # Columns larger than this do not come from one trial; a hostile file may merely claim them.
 MAX_COLUMN_BYTES = 1 << 30
@@ -33,6 +35,14 @@ class ForeignLog(Protocol):
         """The 1-based row of the file that holds element `index`."""
         ...
 
+    def broken(self) -> Mapping[int, InputError]:
+        """What was wrong in cells that came out as NaN, by element; as far as columns were read."""
+        ...
+
+    def hint(self) -> str:
+        """What may be the reason where a column is missing; "" where nothing is known."""
+        ...
+
 
 class CsvLog:
     """A text log in the dialect that the mapping describes."""
@@ -41,19 +51,35 @@ class CsvLog:
         self.path = path
         self._dialect = dialect
         self._header = read_header(path, dialect)
+        self._columns: dict[str, NDArray[np.float64]] = {}
+        self._broken: dict[int, InputError] = {}
 
     def names(self) -> list[str]:
         return self._header
 
     def column(self, name: str) -> NDArray[np.float64]:
-        types = {name: np.dtype(np.float64)}
-        table = read_columns(
-            self.path, types, header=self._header, may_be_empty=(name,), dialect=self._dialect
-        )
-        return np.asarray(table.columns[name], dtype=np.float64)
+        if name not in self._columns:
+            types = {name: np.dtype(np.float64)}
+            table = read_columns(
+                self.path,
+                types,
+                header=self._header,
+                may_be_empty=(name,),
+                clocks=(name,),
+                dialect=self._dialect,
+                broken=self._broken,
+            )
+            self._columns[name] = np.asarray(table.columns[name], dtype=np.float64)
+        return self._columns[name]
 
     def row(self, index: int) -> int:
         return CsvTable(self.path, {}, self._dialect).row(index)
+
+    def broken(self) -> Mapping[int, InputError]:
+        return self._broken
+
+    def hint(self) -> str:
+        return hint_at_delimiter(self._header)
 
 
 class ParquetLog:
@@ -91,6 +117,12 @@ class ParquetLog:
     def row(self, index: int) -> int:
         return index + 1
 
+    def broken(self) -> Mapping[int, InputError]:
+        return {}
+
+    def hint(self) -> str:
+        return ""
+
 
 def _is_number(kind: pa.DataType) -> bool:
     tests = (pa.types.is_integer, pa.types.is_floating, pa.types.is_boolean, pa.types.is_timestamp)
@@ -98,11 +130,14 @@ def _is_number(kind: pa.DataType) -> bool:
 
 
 def open_log(path: Path, file_format: str, dialect: CsvDialect) -> ForeignLog:
-    """Open a log; `file_format` is "csv", "parquet", "mat", or "auto" to judge by the file's first bytes.
+    """Open a log; `file_format` is "csv", "parquet", "mat", "rosbag", or "auto" to judge by the file.
 
     Raises:
         InputError: the file is missing, empty, or not what it should be.
     """
+    bag = bag_of(path) if file_format in ("auto", "rosbag") else None
+    if bag is not None:
+        return RosbagLog(bag)
     try:
         if path.is_dir():
             raise InputError(path, "is a folder", "give the log files themselves")

@@ -3,7 +3,7 @@
 import re
 from collections.abc import Mapping as Columns
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 from pathlib import Path
 
@@ -11,13 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impid_host.errors import InputError
+from impid_host.samples import ForeignSamples
 from impid_host.study.expressions import ExpressionError, evaluate
 from impid_host.study.foreign_log import ForeignLog, open_log
 from impid_host.study.mapping import ColumnRule, Mapping, TrialRule, read_mapping
 from impid_host.study.model import Floats, RobotLog, Study, Trial
 from impid_host.study.notices import notice
-from impid_host.study.robot_log import robot_log
-from impid_host.study.trial_file import head_from_table
+from impid_host.study.robot_log import LIMIT, robot_log
+from impid_host.study.trial_file import TrialHead, head_from_table
 
 _MAY_BE_NAN = ("fx", "fy", "fdx", "fdy")
 
@@ -48,19 +49,53 @@ def import_logs(logs: Sequence[Path], mapping_path: Path, name: str) -> Study:
     """
     mapping = read_mapping(mapping_path)
     trials: dict[str, Trial] = {}
-    used: set[Path] = set()
+    opened: dict[Path, ForeignLog] = {}
     for index, rule in enumerate(mapping.trials):
         for log in _logs_of(rule, logs, mapping.path, index):
-            trial = _import_trial(log, rule, mapping, index)
+            if log not in opened:
+                opened[log] = open_log(log, mapping.file_format, mapping.dialect)
+            trial = _import_trial(opened[log], rule, mapping, index)
             if trial.name in trials:
                 remedy = "give each [[trial]] its own name"
                 raise InputError(mapping.path, f"two trials are called {trial.name}", remedy)
             trials[trial.name] = trial
-            used.add(log)
     for log in logs:
-        if log not in used:
+        if log not in opened:
             notice(f"{log}: no [[trial]] of {mapping.path} takes this file; it was not imported")
     return Study(name=name, setup=mapping.setup, trials=tuple(trials[key] for key in sorted(trials)))
+
+
+@dataclass(frozen=True, slots=True)
+class MappedLog:
+    """A robot's log read by a mapping, and what its [[trial]] says of the trial."""
+
+    robot: RobotLog
+    head: TrialHead
+
+
+def read_mapped_log(path: Path, mapping: Mapping, trial_name: str) -> MappedLog:
+    """One robot's log as the mapping has it; of several [[trial]] that take the file, the one of this name.
+
+    Raises:
+        InputError: no [[trial]] takes this file, or several do, or the log cannot be used.
+    """
+    taking = [
+        (index, rule)
+        for index, rule in enumerate(mapping.trials)
+        if rule.file is None or fnmatchcase(path.name, rule.file)
+    ]
+    named = [(index, rule) for index, rule in taking if rule.name == trial_name]
+    chosen = named if len(taking) > 1 else taking
+    if len(chosen) != 1:
+        found = "no [[trial]] takes" if not taking else f"{len(taking)} [[trial]] take"
+        remedy = f'let one take it by file = "{path.name}"' + (
+            f' and name = "{trial_name}"' if taking else ""
+        )
+        raise InputError(mapping.path, f"{found} {path.name}", remedy)
+    index, rule = chosen[0]
+    head = head_from_table(rule.head, mapping.path, trial_name, prefix=f"trial[{index}]")
+    robot, _ = _logs(open_log(path, mapping.file_format, mapping.dialect), rule, mapping)
+    return MappedLog(robot, head)
 
 
 def _logs_of(rule: TrialRule, logs: Sequence[Path], mapping_path: Path, index: int) -> list[Path]:
@@ -78,26 +113,30 @@ def _logs_of(rule: TrialRule, logs: Sequence[Path], mapping_path: Path, index: i
     return matching
 
 
-def _import_trial(path: Path, rule: TrialRule, mapping: Mapping, index: int) -> Trial:
-    name = (rule.name or "{stem}").replace("{stem}", re.sub(r"[^A-Za-z0-9_.+-]+", "_", path.stem).lstrip("."))
+def _import_trial(log: ForeignLog, rule: TrialRule, mapping: Mapping, index: int) -> Trial:
+    stem = re.sub(r"[^A-Za-z0-9_.+-]+", "_", log.path.stem).lstrip(".")
+    name = (rule.name or "{stem}").replace("{stem}", stem)
     if not name or Path(name).name != name or "\0" in name or name.startswith("."):
         raise InputError(
             mapping.path, f"trial[{index}]: {name!r} cannot name a folder", "use a name such as free_01"
         )
     head = head_from_table(rule.head, mapping.path, name, prefix=f"trial[{index}]")
-    log = _robot_log(open_log(path, mapping.file_format, mapping.dialect), rule, mapping)
+    robot, device = _logs(log, rule, mapping)
     return Trial(
         name=name,
         kind=head.kind,
         load=head.load,
-        robot=log,
+        robot=robot,
+        device=device,
         on=head.on,
         payload_kg=head.payload_kg,
         note=head.note,
+        session=head.session,
     )
 
 
-def _robot_log(log: ForeignLog, rule: TrialRule, mapping: Mapping) -> RobotLog:
+def _logs(log: ForeignLog, rule: TrialRule, mapping: Mapping) -> tuple[RobotLog, ForeignSamples | None]:
+    """The robot's log, and the accelerations that stand beside it, on the same clock."""
     values = {name: _values(log, name, column, mapping.path) for name, column in rule.columns.items()}
     length = _common_length(log, values, rule)
     if mapping.rate_hz is not None and "t" not in values:
@@ -108,18 +147,43 @@ def _robot_log(log: ForeignLog, rule: TrialRule, mapping: Mapping) -> RobotLog:
     picked: dict[str, NDArray[np.generic]] = {name: column[kept] for name, column in columns.items()}
     if "sync" in picked:
         picked["sync"] = _levels(log, columns["sync"], kept)
-    return robot_log(_Picked(log, picked, kept), mapping.joints)
+    felt = [picked.pop(name) for name in ("acc_x", "acc_y") if name in picked]
+    robot = robot_log(_Picked(log, picked, kept), mapping.joints)
+    if not felt:
+        return robot, None
+    t = picked["t"] if robot.t_written is None else robot.t
+    return _beside(robot, np.asarray(t, dtype=np.float64), np.stack(felt, axis=1).astype(np.float64))
+
+
+def _beside(robot: RobotLog, t: Floats, acceleration: Floats) -> tuple[RobotLog, ForeignSamples]:
+    """Accelerations (N, 2) at the log's times (N,) as those of a module that shares its clock.
+
+    A module's stamps are whole microseconds from its start, so a clock that begins below zero is shifted.
+    """
+    rows = np.concatenate(([True], np.diff(t) > 0))
+    early = min(0.0, float(np.floor(robot.t[0])))
+    if early < 0.0:
+        written = None if robot.t_written is None else robot.t_written - early
+        robot = replace(robot, t=robot.t - early, t_written=written)
+    count = int(rows.sum())
+    return robot, ForeignSamples(
+        t_us=np.round((t[rows] - early) * 1e6).astype(np.uint64),
+        seq=np.arange(count, dtype=np.uint32),
+        flags=np.zeros(count, dtype=np.uint8),
+        acceleration=acceleration[rows],
+    )
 
 
 def _values(log: ForeignLog, name: str, rule: ColumnRule, mapping_path: Path) -> Floats:
     def column(source: str) -> Floats:
         if source not in log.names():
             there = log.names()
+            remedy = log.hint() or "correct the name in the mapping"
             shown = ", ".join(there[:40]) + (", ..." if len(there) > 40 else "")
             what = (
                 f"has no column {source}, which {mapping_path} names for {name} (it has: {shown or 'none'})"
             )
-            raise InputError(log.path, what, "correct the name in the mapping")
+            raise InputError(log.path, what, remedy)
         return log.column(source)
 
     if not rule.is_expression:
@@ -154,12 +218,15 @@ def _rows_in_range(log: ForeignLog, t: Floats, rule: TrialRule) -> NDArray[np.in
         return np.arange(len(t))
     start = -np.inf if rule.start_s is None else rule.start_s
     stop = np.inf if rule.stop_s is None else rule.stop_s
-    kept = np.flatnonzero((t >= start) & (t < stop))
+    # What no clock shows is garbage, as before the first sample or after the last.
+    kept = np.flatnonzero((t >= start) & (t < stop) & (np.abs(t) < LIMIT["t"]))
     if len(kept) == 0:
         covers = f"it covers {np.nanmin(t):g} s to {np.nanmax(t):g} s"
         what = f"has no rows between {start:g} s and {stop:g} s; {covers}"
         raise InputError(log.path, what, "correct start_s and stop_s")
-    return kept
+    between = np.arange(kept[0], kept[-1] + 1)
+    # A row whose time cannot be read lies in the range where its neighbours do, and is looked at like them.
+    return np.union1d(kept, between[np.isnan(t[between])])
 
 
 def _complete(
@@ -170,7 +237,12 @@ def _complete(
     Raises:
         InputError: a row has none and rows may not be dropped.
     """
+    broken = log.broken()
     complete = np.ones(len(kept), dtype=bool)
+    if broken:
+        complete = ~np.isin(kept, np.fromiter(broken, dtype=np.intp))
+        if not complete.all() and not drop:
+            raise broken[int(kept[int(np.argmin(complete))])]
     for name, column in columns.items():
         if name in _MAY_BE_NAN:
             continue

@@ -7,17 +7,20 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import Field, model_validator
 
 from impid_host.errors import InputError
+from impid_host.robot.model import ROBOTS
 from impid_host.study.csv_table import CsvDialect
+from impid_host.study.joints import logged_joints
 from impid_host.study.model import RobotModelName, Setup
 from impid_host.study.quantities import UnitError, factor_to_si, si_unit
 from impid_host.study.setup_file import FORMAT, setup_from_tables
 from impid_host.study.toml_file import Table, load_toml, validate
 
-_FORCES = ("fx", "fy", "fdx", "fdy", "sync")
+_PAIRS = (("fx", "fy"), ("fdx", "fdy"), ("acc_x", "acc_y"))
+_OPTIONAL = (*(name for pair in _PAIRS for name in pair), "sync")
 
 
 class _Log(Table):
-    format: Literal["auto", "csv", "parquet", "mat"] = "auto"
+    format: Literal["auto", "csv", "parquet", "mat", "rosbag"] = "auto"
     delimiter: str = ","
     decimal: Literal[".", ","] = "."
     header: bool = True
@@ -55,6 +58,8 @@ class _Column(Table):
     def _one_source(self) -> Self:
         if (self.column is None) == (self.expression is None):
             raise ValueError("give either column or expression")
+        if self.scale == 0.0:
+            raise ValueError("scale must not be zero: it would make every value zero")
         return self
 
 
@@ -67,7 +72,7 @@ class _Mapping(Table):
 
 @dataclass(frozen=True, slots=True)
 class ColumnRule:
-    """Where one column of `robot.csv` comes from: value = source * factor, in SI units.
+    """Where one column of `robot.csv`, or an acceleration, comes from: value = source * factor, in SI units.
 
     Attributes:
         source: a column's name, or an expression.
@@ -118,12 +123,19 @@ def read_mapping(path: Path) -> Mapping:
     joints = _joints(
         model, [*checked.columns, *(name for trial in checked.trial for name in _own_columns(trial))]
     )
+    slides = logged_joints(setup.robot, joints, path)
     trials = tuple(
         _trial_rule(
-            path, index, table, checked.columns, model=model, joints=joints, timed=checked.log.rate_hz is None
+            path, index, table, checked.columns, model=model, slides=slides, timed=checked.log.rate_hz is None
         )
         for index, table in enumerate(checked.trial)
     )
+    if setup.accelerometer is None and any("acc_x" in trial.columns for trial in trials):
+        raise InputError(
+            path,
+            "key `setup.accelerometer` is missing",
+            "say where acc_x, acc_y are mounted (mount, mount_angle_rad)",
+        )
     log = checked.log
     return Mapping(
         path=path,
@@ -143,9 +155,10 @@ def _own_columns(trial: dict[str, Any]) -> list[str]:
 
 
 def _joints(model: RobotModelName, columns: list[str]) -> int:
-    if model == "urdf":
-        return max((i for i in range(1, 65) if f"theta{i}" in columns), default=1)
-    return 1 if model in ("slide-1d", "joint-1d") else 2
+    declared = ROBOTS[model].joints
+    if declared is not None:
+        return declared
+    return max((i for i in range(1, 65) if f"theta{i}" in columns), default=1)
 
 
 def _trial_rule(
@@ -155,7 +168,7 @@ def _trial_rule(
     common: dict[str, Any],
     *,
     model: RobotModelName,
-    joints: int,
+    slides: tuple[bool, ...],
     timed: bool,
 ) -> TrialRule:
     prefix = f"trial[{index}]"
@@ -163,10 +176,10 @@ def _trial_rule(
     head = {name: value for name, value in table.items() if name not in _Trial.model_fields}
     checked = validate(_Trial, own, path, prefix=prefix)
     given = {**common, **checked.columns}
-    required = [f"{kind}{i + 1}" for kind in ("theta", "tau") for i in range(joints)]
+    required = [f"{kind}{i + 1}" for kind in ("theta", "tau") for i in range(len(slides))]
     if timed:
         required.insert(0, "t")
-    allowed = ["t", *required, *_FORCES]
+    allowed = ["t", *required, *_OPTIONAL]
     for name in required:
         if name not in given:
             remedy = "add it" + (" (or give [log] rate_hz)" if name == "t" else "")
@@ -175,17 +188,17 @@ def _trial_rule(
         if name not in allowed:
             remedy = f"model {model} has {', '.join(dict.fromkeys(allowed))}"
             raise InputError(path, f"key `columns.{name}` is no column of this study", remedy)
-    for pair in (("fx", "fy"), ("fdx", "fdy")):
+    for pair in _PAIRS:
         present = [name for name in pair if name in given]
         if len(present) == 1:
             raise InputError(
                 path, f"key `columns.{present[0]}` stands alone", f"give both {' and '.join(pair)}"
             )
-    rules = {name: _column_rule(path, name, spec, model) for name, spec in given.items()}
+    rules = {name: _column_rule(path, name, spec, slides) for name, spec in given.items()}
     return TrialRule(checked.file, checked.name, checked.start_s, checked.stop_s, head, rules)
 
 
-def _column_rule(path: Path, name: str, spec: object, model: RobotModelName) -> ColumnRule:
+def _column_rule(path: Path, name: str, spec: object, slides: tuple[bool, ...]) -> ColumnRule:
     table = {"column": spec} if isinstance(spec, str | int) and not isinstance(spec, bool) else spec
     prefix = f"columns.{name}"
     if not isinstance(table, dict):
@@ -193,7 +206,7 @@ def _column_rule(path: Path, name: str, spec: object, model: RobotModelName) -> 
             path, f"key `{prefix}` does not fit", "give a column's name or a table {column = ..., unit = ...}"
         )
     checked = validate(_Column, table, path, prefix=prefix)
-    target = si_unit(name, model)
+    target = si_unit(name, slides)
     try:
         factor = checked.scale * factor_to_si(target if checked.unit is None else checked.unit, target)
     except UnitError as error:

@@ -1,14 +1,17 @@
 """MATLAB files: version 5 through scipy, version 7.3 (which is HDF5) through h5py.
 
 Only real numeric arrays are taken, by name, after their claimed size was checked. Cells, objects, function
-handles and links out of the file are not followed. A field of a structure is named `structure.field`; the
-columns of a matrix are named `matrix[1]`, `matrix[2]`, ... along its shorter side.
+handles and links out of the file are not followed. A field of a structure is named `structure.field`, of the
+second in an array of structures `structure[2].field`, as deep as they are nested; the columns of a matrix are
+named `matrix[1]`, `matrix[2]`, ... along its shorter side. So the values of Simulink's "Structure With Time"
+are `out.time` and `out.signals.values`, or `out.signals[2].values`.
 """
 
 import itertools
 import subprocess
 import sys
 import tempfile
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impid_host.errors import InputError
+from impid_host.study.mat_child import MAX_DEPTH
 from impid_host.study.mat_inflation import inflates_beyond
 
 MAX_FILE_BYTES = 1 << 30
@@ -48,6 +52,16 @@ def _too_large(path: Path, name: str) -> InputError:
     return InputError(path, f"variable {name} claims more than one trial can hold", "cut the log into trials")
 
 
+def _hint_at_objects(objects: list[str]) -> str:
+    if not objects:
+        return ""
+    name = objects[0]
+    return (
+        f"{', '.join(objects[:5])} is an object (a timeseries or a data set), which only MATLAB reads: save "
+        f"its numbers, such as {name}_s = struct('time', {name}.Time, 'data', {name}.Data)"
+    )
+
+
 def _split(name: str) -> tuple[str, int | None]:
     if name.endswith("]") and "[" in name:
         variable, _, index = name[:-1].rpartition("[")
@@ -64,6 +78,7 @@ class MatLog:
             raise InputError(path, "is larger than 1 GiB", "cut the log into trials")
         if inflates_beyond(path, MAX_INFLATED_BYTES):
             raise InputError(path, "unpacks to more than one trial can hold", "cut the log into trials")
+        self._objects: list[str] = []
         self._arrays = self._read_in_child()
         self._names = [
             column for name, array in self._arrays.items() for column in _columns_of(name, array.shape)
@@ -79,6 +94,12 @@ class MatLog:
     def row(self, index: int) -> int:
         return index + 1
 
+    def broken(self) -> Mapping[int, InputError]:
+        return {}
+
+    def hint(self) -> str:
+        return _hint_at_objects(self._objects)
+
     def _read_in_child(self) -> dict[str, NDArray[Any]]:
         with tempfile.TemporaryDirectory(prefix="impid-mat-") as folder:
             out = Path(folder) / "arrays.npz"
@@ -92,6 +113,7 @@ class MatLog:
             if done.returncode != 0:
                 raise self._unreadable("damaged so that the reader crashed on it")
             with np.load(out, allow_pickle=False) as arrays:
+                self._objects = [str(name) for name in arrays["objects"]]
                 return {str(name): arrays[f"a{i}"] for i, name in enumerate(arrays["names"])}
 
     def _unreadable(self, reason: str) -> InputError:
@@ -107,6 +129,7 @@ class Hdf5Log:
         self._datasets: dict[str, str] = {}
         self._names: list[str] = []
         self._seen: set[int] = set()
+        self._objects: list[str] = []
         with self._opened() as file:
             self._collect(file, "", 0)
 
@@ -127,6 +150,12 @@ class Hdf5Log:
     def row(self, index: int) -> int:
         return index + 1
 
+    def broken(self) -> Mapping[int, InputError]:
+        return {}
+
+    def hint(self) -> str:
+        return _hint_at_objects(self._objects)
+
     def _opened(self) -> Any:
         try:
             return h5py.File(self.path, "r")
@@ -146,18 +175,32 @@ class Hdf5Log:
             for name in itertools.islice(group, _MAX_ENTRIES):
                 if name.startswith("#") or not isinstance(group.get(name, getlink=True), h5py.HardLink):
                     continue
-                item = group.get(name)
-                dotted = f"{prefix}{name}"
-                if isinstance(item, h5py.Group) and depth < 4:
-                    self._collect(item, f"{dotted}.", depth + 1)
-                elif isinstance(item, h5py.Dataset) and self._is_numeric(item):
-                    self._datasets[dotted] = item.name
-                    self._names += _columns_of(dotted, item.shape)
+                self._collect_item(group.get(name), prefix, name, depth)
         except (OSError, ValueError, KeyError, RuntimeError, TypeError) as error:
             reason = (str(error).splitlines() or [""])[0][:120]
             raise InputError(self.path, f"is a damaged HDF5 file ({reason})", "save it again") from None
 
+    def _collect_item(self, item: Any, prefix: str, name: str, depth: int) -> None:
+        dotted = f"{prefix}{name}"
+        if isinstance(item, h5py.Group) and depth < MAX_DEPTH:
+            self._collect(item, f"{dotted}.", depth + 1)
+        elif not isinstance(item, h5py.Dataset) or len(self._datasets) > _MAX_ENTRIES:
+            return
+        elif "MATLAB_object_decode" in item.attrs:
+            self._objects.append(dotted)
+        elif h5py.check_ref_dtype(item.dtype) is h5py.Reference:
+            # A field of an array of structures: a reference to the value of each. Cells are not followed.
+            if prefix and item.attrs.get("MATLAB_class") is None and item.size <= _MAX_ENTRIES:
+                for number, reference in enumerate(item[()].ravel(), start=1):
+                    if reference:
+                        self._collect_item(item.file[reference], f"{prefix[:-1]}[{number}].", name, depth)
+        elif self._is_numeric(item):
+            self._datasets[dotted] = item.name
+            self._names += _columns_of(dotted, item.shape)
+
     def _is_numeric(self, item: Any) -> bool:
+        if item.attrs.get("MATLAB_class") in (b"char", "char"):
+            return False
         if item.shape is None or item.dtype.kind not in "iufb" or item.is_virtual or item.external:
             return False
         if item.attrs.get("MATLAB_empty", 0):

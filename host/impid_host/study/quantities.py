@@ -1,28 +1,39 @@
 """Units of a log's columns: which dimension each column of `robot.csv` has, and the factor to SI."""
 
+from collections.abc import Sequence
 from functools import cache
 
 import pint
 
-from impid_host.study.model import RobotModelName
-
-_NAMES = {"s": "a time", "rad": "an angle", "m": "a length", "N": "a force", "N*m": "a torque"}
+_NAMES = {
+    "s": "a time",
+    "rad": "an angle",
+    "m": "a length",
+    "N": "a force",
+    "N*m": "a torque",
+    "m/s^2": "an acceleration",
+}
 
 
 class UnitError(ValueError):
     """The unit is unknown or of another dimension; the message says which was expected."""
 
 
-def si_unit(column: str, model: RobotModelName) -> str:
-    """The SI unit of a column of `robot.csv` under a robot model ("" for `sync`)."""
+def si_unit(column: str, slides: Sequence[bool]) -> str:
+    """The SI unit of a column of `robot.csv`, or of `acc_x, acc_y` ("" for `sync`).
+
+    Args:
+        slides: which joints are prismatic.
+    """
     if column == "t":
         return "s"
     if column == "sync":
         return ""
-    if column.startswith("theta"):
-        return "m" if model == "slide-1d" else "rad"
-    if column.startswith("tau"):
-        return "N" if model == "slide-1d" else "N*m"
+    if column.startswith("acc_"):
+        return "m/s^2"
+    for kind, turning, sliding in (("theta", "rad", "m"), ("tau", "N*m", "N")):
+        if column.startswith(kind):
+            return sliding if slides[int(column.removeprefix(kind)) - 1] else turning
     return "N"
 
 
@@ -39,6 +50,8 @@ def factor_to_si(unit: str, target: str) -> float:
         factor = float(one.to(target or "dimensionless").magnitude)
         is_angle = str(one.to_root_units().units) == "radian"
     except pint.DimensionalityError:
+        if unit == "g" and target == "m/s^2":
+            raise UnitError('unit "g" is the gram; write "standard_gravity" for 9.80665 m/s^2') from None
         raise UnitError(f'unit "{unit}" has another dimension; {wanted}') from None
     except Exception:  # the unit parser raises whatever its tokenizer stumbles over
         raise UnitError(f'unit "{unit[:40]}" is not known; {wanted}') from None

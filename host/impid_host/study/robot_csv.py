@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from impid_host.robot.model import ROBOTS
 from impid_host.study.csv_table import read_columns, read_header, write_columns
 from impid_host.study.model import RobotLog, RobotModelName
 from impid_host.study.robot_log import FORCE_PAIRS, log_columns, robot_log
@@ -14,25 +15,23 @@ _FLOAT = np.dtype(np.float64)
 
 
 def joint_count(model: RobotModelName, columns: list[str]) -> int:
-    """How many joints a log of this robot model has; a URDF robot's are counted in the columns."""
-    if model in ("slide-1d", "joint-1d"):
-        return 1
-    if model == "urdf":
-        n = 0
-        while f"theta{n + 1}" in columns:
-            n += 1
-        return max(n, 1)
-    return 2
+    """How many joints a log of this robot model has; where the model does not say, columns are counted."""
+    declared = ROBOTS[model].joints
+    if declared is not None:
+        return declared
+    n = 0
+    while f"theta{n + 1}" in columns:
+        n += 1
+    return max(n, 1)
 
 
 def read_robot_log(path: Path, model: RobotModelName) -> RobotLog:
     """Read `robot.csv`; the columns' order does not matter, columns of other names are ignored.
 
-    The log handed out has strictly increasing `t`. A row that repeats its predecessor's stamp is left out
-    with a warning; values are never altered.
+    The log handed out has strictly increasing `t`: see `study.robot_log.robot_log`. A text clock is read.
 
     Raises:
-        InputError: missing file or column, unreadable cell, time going backwards; names the row.
+        InputError: missing file or column, unreadable cell, time going backwards or jumping; names the row.
     """
     header = read_header(path)
     n = joint_count(model, header)
@@ -40,12 +39,12 @@ def read_robot_log(path: Path, model: RobotModelName) -> RobotLog:
     types: dict[str, np.dtype[Any]] = dict.fromkeys([*log_columns(n), *forces], _FLOAT)
     if "sync" in header:
         types["sync"] = np.dtype(np.uint8)
-    return robot_log(read_columns(path, types, may_be_empty=forces, header=header), n)
+    return robot_log(read_columns(path, types, may_be_empty=forces, clocks=("t",), header=header), n)
 
 
 def write_robot_log(log: RobotLog, path: Path) -> None:
-    """Write `robot.csv`; reading it back gives the same bits."""
-    columns: dict[str, NDArray[np.generic]] = {"t": log.t}
+    """Write `robot.csv`, with the stamps as they were logged; reading it back gives the same bits."""
+    columns: dict[str, NDArray[np.generic]] = {"t": log.t if log.t_written is None else log.t_written}
     columns |= {f"theta{i + 1}": log.theta[:, i] for i in range(log.theta.shape[1])}
     columns |= {f"tau{i + 1}": log.tau[:, i] for i in range(log.tau.shape[1])}
     if log.force is not None:

@@ -1,6 +1,7 @@
 """From named columns to a `RobotLog`: what every log has to satisfy, whatever file it came from."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -10,10 +11,11 @@ from numpy.typing import NDArray
 from impid_host.errors import InputError
 from impid_host.study.model import Floats, RobotLog
 from impid_host.study.notices import notice
+from impid_host.study.stamps import clock_jump, recovered, words
 
 FORCE_PAIRS = (("fx", "fy"), ("fdx", "fdy"))
 # No arm, spring or laboratory robot gets near these; a larger value is a wrong unit or a broken cell.
-_LIMIT = {"t": 1e11, "theta": 1e5, "tau": 1e6, "f": 1e6}
+LIMIT = {"t": 1e11, "theta": 1e5, "tau": 1e6, "f": 1e6}
 
 
 class LogTable(Protocol):
@@ -38,10 +40,11 @@ def log_columns(joints: int) -> list[str]:
 def robot_log(table: LogTable, joints: int) -> RobotLog:
     """The log that `table` holds, with strictly increasing `t`.
 
-    A row that repeats its predecessor's stamp is left out with a warning; values are never altered.
+    Stamps in bursts or of a coarse clock are put back on the rows' own clock, with a warning. Else a row that
+    repeats its predecessor's stamp is left out, with a warning; values are never altered.
 
     Raises:
-        InputError: half a force, an absurd magnitude, or time going backwards; names the row.
+        InputError: half a force, an absurd magnitude, time going backwards or jumping; names the row.
     """
     for pair in FORCE_PAIRS:
         present = [name for name in pair if name in table.columns]
@@ -49,7 +52,17 @@ def robot_log(table: LogTable, joints: int) -> RobotLog:
             missing = next(name for name in pair if name not in present)
             raise InputError(table.path, f"has column {present[0]} but no {missing}", "add or remove it")
     _check_values(table)
-    return _log(table, joints, _increasing(table))
+    _refuse_backwards(table)
+    columns = dict(table.columns)
+    theta = np.column_stack([columns[f"theta{i + 1}"] for i in range(joints)])
+    _refuse_jump(table, theta)
+    again = recovered(columns["t"])
+    if again is None:
+        return _log(columns, joints, _increasing(table))
+    t, stamps = again
+    notice(f"{table.path}: {words(stamps)}")
+    log = _log(columns | {"t": t}, joints, np.ones(len(t), dtype=bool))
+    return replace(log, stamps=stamps, t_written=columns["t"])
 
 
 def _check_values(table: LogTable) -> None:
@@ -58,7 +71,7 @@ def _check_values(table: LogTable) -> None:
             wrong = column > 1
             what = "a level other than 0 and 1"
         else:
-            limit = _LIMIT[next(kind for kind in ("theta", "tau", "t", "f") if name.startswith(kind))]
+            limit = LIMIT[next(kind for kind in ("theta", "tau", "t", "f") if name.startswith(kind))]
             with np.errstate(invalid="ignore"):
                 wrong = np.abs(column) > limit
             what = f"a magnitude above {limit:.0e}, which nothing measured has"
@@ -68,19 +81,42 @@ def _check_values(table: LogTable) -> None:
             raise InputError(table.path, f"column {name} holds {what}", remedy, row=table.row(index))
 
 
-def _increasing(table: LogTable) -> NDArray[np.bool_]:
-    """Which rows to keep so that `t` increases strictly, shape (N,).
-
-    Raises:
-        InputError: the time goes backwards.
-    """
+def _refuse_backwards(table: LogTable) -> None:
     t = table.columns["t"]
     step = np.diff(t)
     if (step < 0).any():
         index = int(np.argmax(step < 0)) + 1
         what = f"t goes backwards, from {t[index - 1]} s to {t[index]} s"
         remedy = "sort the rows by t, or put what follows a restart into a trial of its own"
-        raise InputError(table.path, what, remedy, row=table.row(index))
+        raise InputError(
+            table.path,
+            what,
+            remedy,
+            row=table.row(index),
+            check="time.jump",
+            evidence={"jump_s": float(step[index - 1])},
+        )
+
+
+def _refuse_jump(table: LogTable, theta: Floats) -> None:
+    t = table.columns["t"]
+    jump = clock_jump(t, theta)
+    if jump is None:
+        return
+    what = f"t jumps by {jump.jump_s:.6g} s, from {t[jump.row - 1]} s to {t[jump.row]} s, "
+    if jump.motion_goes_on:
+        what += "while the joints go on as if no time had passed"
+        remedy = f"take {jump.jump_s:.6g} s off all later stamps if the clock was set, or cut the log there"
+    else:
+        what += "which is longer than all that is recorded"
+        remedy = "put what follows into a trial of its own"
+    row = table.row(jump.row)
+    raise InputError(table.path, what, remedy, row=row, check="time.jump", evidence={"jump_s": jump.jump_s})
+
+
+def _increasing(table: LogTable) -> NDArray[np.bool_]:
+    """Which rows to keep so that `t` increases strictly, shape (N,)."""
+    step = np.diff(table.columns["t"])
     keep = np.concatenate(([True], step > 0))
     repeated = ~keep
     if repeated.any():
@@ -100,15 +136,15 @@ def _increasing(table: LogTable) -> NDArray[np.bool_]:
     return keep
 
 
-def _log(table: LogTable, n: int, keep: NDArray[np.bool_]) -> RobotLog:
+def _log(columns: Mapping[str, NDArray[Any]], n: int, keep: NDArray[np.bool_]) -> RobotLog:
     def stack(names: list[str]) -> Floats:
-        return np.column_stack([table.columns[name][keep] for name in names])
+        return np.column_stack([columns[name][keep] for name in names])
 
     return RobotLog(
-        t=table.columns["t"][keep],
+        t=columns["t"][keep],
         theta=stack([f"theta{i + 1}" for i in range(n)]),
         tau=stack([f"tau{i + 1}" for i in range(n)]),
-        force=stack(["fx", "fy"]) if "fx" in table.columns else None,
-        perturbation=stack(["fdx", "fdy"]) if "fdx" in table.columns else None,
-        sync=table.columns["sync"][keep] if "sync" in table.columns else None,
+        force=stack(["fx", "fy"]) if "fx" in columns else None,
+        perturbation=stack(["fdx", "fdy"]) if "fdx" in columns else None,
+        sync=columns["sync"][keep] if "sync" in columns else None,
     )

@@ -8,12 +8,13 @@ from typing import Annotated, Any, Literal, Self
 import tomli_w
 from pydantic import Field, model_validator
 
-from impid_host.study.model import Trial, TrialKind
+from impid_host.study.model import Session, Trial, TrialKind
 from impid_host.study.notices import notice
-from impid_host.study.toml_file import Table, load_toml, validate
+from impid_host.study.setup_file import SessionTable, said
+from impid_host.study.toml_file import load_toml, validate
 
 
-class _TrialFile(Table):
+class _TrialFile(SessionTable):
     kind: TrialKind
     on: Literal["mass-spring", "arm"] | None = None
     load: Annotated[str, Field(min_length=1)] | None = None
@@ -36,6 +37,7 @@ class TrialHead:
     on: Literal["mass-spring", "arm"] | None
     payload_kg: float | None
     note: str
+    session: Session
 
 
 def default_load(trial_name: str) -> str:
@@ -64,7 +66,12 @@ def head_from_table(table: dict[str, Any], path: Path, trial_name: str, *, prefi
         notice(f'{path}: key `on` has a meaning for kind "stochastic" only and is ignored')
         on = None
     return TrialHead(
-        checked.kind, checked.load or default_load(trial_name), on, checked.payload_kg, checked.note
+        kind=checked.kind,
+        load=checked.load or default_load(trial_name),
+        on=on,
+        payload_kg=checked.payload_kg,
+        note=checked.note,
+        session=checked.session(),
     )
 
 
@@ -77,4 +84,5 @@ def write_trial_head(trial: Trial, path: Path) -> None:
         table["payload_kg"] = trial.payload_kg
     if trial.note:
         table["note"] = trial.note
+    table |= said(trial.session)
     path.write_bytes(tomli_w.dumps(table).encode())

@@ -14,12 +14,13 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from impid_host.samples import FLAG_RESET
-from impid_host.wire.decoder import LinkCounts, device_samples, rows_of, scalars
+from impid_host.samples import FLAG_RESET, rows_of
+from impid_host.wire.decoder import LinkCounts, device_samples, scalars
 from impid_host.wire.messages import (
     ACCEL,
     ENCODER,
     EPOCH,
+    FIRST_STATUSES,
     OPCODE,
     PONG,
     PROTOCOL_VERSION,
@@ -34,6 +35,8 @@ from impid_host.wire.records import BoardStatus, Decoded, Loss, NewRun, Pong, Re
 from impid_host.wire.tracker import Groups, Tracker
 
 _MASK32 = 0xFFFFFFFF
+_STATUS_ALWAYS = {layout.frame_id for layout in STATUS[:FIRST_STATUSES]}
+_STATUS_LAST = max(_STATUS_ALWAYS)
 _UNDATED = -1
 _BEHIND_ALL = 1 << 62
 # The index bits of a second half repeat after 256 ms: what lies further apart needs a witness, whose own bits
@@ -255,11 +258,13 @@ class CanDecoder:
         return Pong(boot_id, signals["request_id"], t2_us, t2_us + signals["hold_us"])
 
     def _status_part(self, identifier: int, signals: dict[str, int], at: int) -> list[BoardStatus]:
-        """The seven come in order; a set with one missing is dropped."""
+        """STATUS_BUS comes last; a set without one of those that every board sends is dropped."""
         if identifier == STATUS[0].frame_id:
             self._status.clear()
         self._status[identifier] = signals
-        if identifier != STATUS[-1].frame_id or len(self._status) != len(STATUS):
+        if identifier != _STATUS_LAST:
+            return []
+        if not self._status.keys() >= _STATUS_ALWAYS:
             return []
         merged = {name: value for part in self._status.values() for name, value in part.items()}
         self._status.clear()

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from impid_host.samples import DeviceSamples
+from impid_host.samples import DeviceSamples, rows_of
 from impid_host.wire.deframer import Deframer, FrameCounts, Frames
 from impid_host.wire.messages import (
     ACCEL,
@@ -92,7 +92,8 @@ class SerialDecoder:
                 np.frombuffer(frames.records[i], dtype="<u8"),
             )
             if kind == KIND["STATUS"]:
-                statuses += [_status(header, row) for row in words.reshape(-1, len(STATUS))]
+                each = len(words) // max(int(header["count"]), 1)
+                statuses += [_status(header, row) for row in words.reshape(-1, max(each, 1))]
             elif kind == KIND["RESPONSE"]:
                 responses += [_response(header, word) for word in words]
             elif kind == KIND["PONG"]:
@@ -162,14 +163,6 @@ def device_samples(
     )
 
 
-def rows_of(samples: DeviceSamples, rows: slice) -> DeviceSamples:
-    """Some consecutive samples."""
-    s = samples
-    return DeviceSamples(
-        s.t_us[rows], s.seq[rows], s.ax[rows], s.ay[rows], s.enc1[rows], s.enc2[rows], s.flags[rows]
-    )
-
-
 def _counter(high4: Words, low28: Words) -> NDArray[np.int32]:
     return ((high4 << np.uint64(28)) | low28).astype(np.uint32).view(np.int32)
 
@@ -181,7 +174,7 @@ def scalars(layout: MessageLayout, word: int) -> dict[str, int]:
 
 def _status(header: Any, words: Words) -> BoardStatus:
     signals: dict[str, int] = {}
-    for layout, word in zip(STATUS, words.tolist(), strict=True):
+    for layout, word in zip(STATUS, words.tolist(), strict=False):  # an older board sends fewer
         signals |= scalars(layout, word)
     return BoardStatus(int(header["boot_id"]), int(header["t0_us"]), int(header["first_index"]), **signals)
 

@@ -98,7 +98,8 @@ def _open(piece: bytes) -> bytes | None:
         return None
     if len(raw) < _HEADER_BYTES + CRC_BYTES or zlib.crc32(raw) != _CRC_RESIDUE:
         return None
-    size = RECORD_BYTES.get(raw[_KIND_AT])
-    if size is None or raw[_VERSION_AT] != PROTOCOL_VERSION:
+    if raw[_VERSION_AT] != PROTOCOL_VERSION:
         return None
-    return raw if len(raw) == _HEADER_BYTES + raw[_COUNT_AT] * size + CRC_BYTES else None
+    records_bytes = len(raw) - _HEADER_BYTES - CRC_BYTES
+    fits = any(records_bytes == raw[_COUNT_AT] * size for size in RECORD_BYTES.get(raw[_KIND_AT], ()))
+    return raw if fits else None

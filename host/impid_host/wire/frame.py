@@ -13,7 +13,7 @@ DELIMITER = b"\x00"
 CRC_BYTES = 4
 MAX_RECORDS = 255
 # COBS adds one byte to every 254 and one at the head.
-_LARGEST_RAW = HEADER.itemsize + MAX_RECORDS * max(RECORD_BYTES.values()) + CRC_BYTES
+_LARGEST_RAW = HEADER.itemsize + MAX_RECORDS * max(map(max, RECORD_BYTES.values())) + CRC_BYTES
 LARGEST_FRAME_BYTES = _LARGEST_RAW + _LARGEST_RAW // 254 + 1
 
 
@@ -44,7 +44,7 @@ def encode_frame(header: Header, records: bytes) -> bytes:
     Raises:
         ValueError: the records are not `header.count` records of that kind.
     """
-    if len(records) != header.count * RECORD_BYTES[header.kind]:
+    if len(records) not in [header.count * size for size in RECORD_BYTES[header.kind]]:
         raise ValueError(f"{len(records)} bytes are not {header.count} records of kind {header.kind}")
     raw = header.to_bytes() + records
     stuffed: bytes = cobs.encode(raw + struct.pack("<I", zlib.crc32(raw)))

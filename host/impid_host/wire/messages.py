@@ -114,6 +114,7 @@ ACCEL = MessageLayout.of("ACCEL")
 ENCODER = MessageLayout.of("ENCODER")
 TIME = MessageLayout.of("TIME")
 EPOCH = MessageLayout.of("EPOCH")
+# In the order of a record. On CAN STATUS_BUS closes the set, as before there were messages behind it.
 STATUS = tuple(
     MessageLayout.of(m.name)
     for m in sorted(DATABASE.messages, key=lambda m: m.frame_id)
@@ -126,10 +127,13 @@ RESULT = choices("RESPONSE", "result")
 RESULT_NAME = {number: name for name, number in RESULT.items()}
 KIND = choices("BATCH", "kind")
 
+# The status messages of the first message set; a board of that time sends no others.
+FIRST_STATUSES = 7
+# Sizes of one record by kind, the present one first: a longer record has messages added at its end.
 RECORD_BYTES = {
-    KIND["SAMPLES"]: 2 * WORD_BYTES,
-    KIND["STATUS"]: len(STATUS) * WORD_BYTES,
-    KIND["RESPONSE"]: WORD_BYTES,
-    KIND["PONG"]: WORD_BYTES,
-    KIND["COMMAND"]: WORD_BYTES,
+    KIND["SAMPLES"]: (2 * WORD_BYTES,),
+    KIND["STATUS"]: (len(STATUS) * WORD_BYTES, FIRST_STATUSES * WORD_BYTES),
+    KIND["RESPONSE"]: (WORD_BYTES,),
+    KIND["PONG"]: (WORD_BYTES,),
+    KIND["COMMAND"]: (WORD_BYTES,),
 }

@@ -6,7 +6,7 @@ from itertools import groupby
 import numpy as np
 from numpy.typing import NDArray
 
-from impid_host.samples import DeviceSamples
+from impid_host.samples import DeviceSamples, rows_of
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,7 +57,8 @@ class BoardStatus:
     """The board's own counters, all since boot except `produced` and `ring_lost` (since START).
 
     The fields after next_index are the signals of the STATUS_* messages in their order. t_us is the board
-    time of sending, next_index the index of the next sample at that time.
+    time of sending, next_index the index of the next sample at that time. Those of STATUS_LOSSES (the resets
+    by the converter and by DMA: since power-on) are None where the board does not count them.
     """
 
     boot_id: int
@@ -83,6 +84,10 @@ class BoardStatus:
     tx_errors: int
     rx_errors: int
     uptime_s: int
+    line_errors: int | None = None
+    can_overruns: int | None = None
+    adc_overruns: int | None = None
+    dma_errors: int | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -142,3 +147,14 @@ def join_segments(pieces: list[Segment]) -> tuple[Segment, ...]:
             )
         )
     return tuple(joined)
+
+
+def until(segment: Segment, end: tuple[int, int] | None) -> Segment | None:
+    """What of a segment belongs to a recording that ends in some run with some stamp (us); None: nothing."""
+    if end is None or segment.run < end[0]:
+        return segment
+    count = int(np.searchsorted(segment.samples.t_us, end[1], side="right")) if segment.run == end[0] else 0
+    if count == 0:
+        return None
+    kept = slice(0, count)
+    return Segment(segment.boot_id, segment.run, segment.index[kept], rows_of(segment.samples, kept))

@@ -29,7 +29,6 @@ void setUp(void) {
                                         .boot_id = 0xABCD,
                                         .reset_cause = 4,
                                         .clock_source = 1,
-                                        .vref_mV = 3300,
                                         .first_index = 50,
                                         .boot_us = 0};
     fake_port_init(&fake);
@@ -284,15 +283,28 @@ static void test_status_tells_all_its_counters(void) {
     TEST_ASSERT_EQUAL_UINT8(17, status.bus.tx_errors);
     TEST_ASSERT_EQUAL_UINT8(19, status.bus.rx_errors);
     TEST_ASSERT_EQUAL_UINT32(7, status.bus.uptime_s);
+    (void)impid_messages_status_losses_unpack(&status.losses, &record[56], 8);
+    TEST_ASSERT_EQUAL_UINT16(21, status.losses.line_errors);
+    TEST_ASSERT_EQUAL_UINT16(22, status.losses.can_overruns);
+    TEST_ASSERT_EQUAL_UINT16(23, status.losses.adc_overruns);
+    TEST_ASSERT_EQUAL_UINT16(24, status.losses.dma_errors);
 }
 
 static void test_status_comes_ten_times_a_second_on_both_carriers_unasked(void) {
     run(1000);
     TEST_ASSERT_EQUAL_UINT32(10, fake_count(&fake, IMPID_MESSAGES_BATCH_KIND_STATUS_CHOICE));
-    TEST_ASSERT_EQUAL_UINT32(70, fake.can_frames);
-    for (uint32_t i = 0; i < 70u; i++) {
-        TEST_ASSERT_EQUAL_HEX16(IMPID_MESSAGES_STATUS_SAMPLES_FRAME_ID + i % 7u, fake.can[i].id);
+    /* STATUS_BUS closes the set. */
+    static const uint16_t order[8] = {0x120, 0x121, 0x122, 0x123, 0x124, 0x125, 0x127, 0x126};
+    TEST_ASSERT_EQUAL_UINT32(80, fake.can_frames);
+    for (uint32_t i = 0; i < 80u; i++) {
+        TEST_ASSERT_EQUAL_HEX16(order[i % 8u], fake.can[i].id);
     }
+    struct impid_messages_status_losses_t losses;
+    (void)impid_messages_status_losses_unpack(&losses, fake.can[6].data, 8);
+    TEST_ASSERT_EQUAL_UINT16(21, losses.line_errors);
+    struct impid_messages_status_bus_t bus;
+    (void)impid_messages_status_bus_unpack(&bus, fake.can[7].data, 8);
+    TEST_ASSERT_EQUAL_UINT8(17, bus.tx_errors);
     fake.now_us += 1000000; /* the main loop stood still: no burst afterwards */
     run(1);
     TEST_ASSERT_EQUAL_UINT32(11, fake_count(&fake, IMPID_MESSAGES_BATCH_KIND_STATUS_CHOICE));

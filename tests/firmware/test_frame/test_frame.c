@@ -141,7 +141,7 @@ static void test_a_count_that_does_not_fit_the_length_is_foreign(void) {
 
 static void test_record_sizes_are_those_of_the_message_set(void) {
     TEST_ASSERT_EQUAL_UINT(16, impid_frame_record_size(IMPID_MESSAGES_BATCH_KIND_SAMPLES_CHOICE));
-    TEST_ASSERT_EQUAL_UINT(56, impid_frame_record_size(IMPID_MESSAGES_BATCH_KIND_STATUS_CHOICE));
+    TEST_ASSERT_EQUAL_UINT(64, impid_frame_record_size(IMPID_MESSAGES_BATCH_KIND_STATUS_CHOICE));
     TEST_ASSERT_EQUAL_UINT(8, impid_frame_record_size(IMPID_MESSAGES_BATCH_KIND_RESPONSE_CHOICE));
     TEST_ASSERT_EQUAL_UINT(8, impid_frame_record_size(IMPID_MESSAGES_BATCH_KIND_PONG_CHOICE));
     TEST_ASSERT_EQUAL_UINT(8, impid_frame_record_size(IMPID_MESSAGES_BATCH_KIND_COMMAND_CHOICE));

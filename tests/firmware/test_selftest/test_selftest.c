@@ -11,7 +11,7 @@ static uint16_t codes(uint16_t millivolts) {
 }
 
 void setUp(void) {
-    const impid_core_config_t config = {.vref_mV = 3300, .first_index = 0, .boot_us = 0};
+    const impid_core_config_t config = {.first_index = 0, .boot_us = 0};
     fake_port_init(&fake);
     impid_core_init(&core, &config, &fake.port);
 }
@@ -62,6 +62,14 @@ static void test_too_much_on_y(void) {
     TEST_ASSERT_EQUAL_UINT8(IMPID_MESSAGES_STATUS_HEALTH_SELF_TEST_FAILED_Y_CHOICE, verdict(216, 320));
 }
 
+static void test_limits_and_response_go_with_the_supply_of_the_moment(void) {
+    /* 149..410 mV by the cube, and a code is 3600 / 3300 of what it was: 330 becomes 360, which 3.3 V
+     * refuses. */
+    fake.supply_mV = 3600;
+    TEST_ASSERT_EQUAL_UINT8(IMPID_MESSAGES_STATUS_HEALTH_SELF_TEST_PASSED_CHOICE, verdict(330, 330));
+    TEST_ASSERT_INT32_WITHIN(1, 360, core.selftest.response_mV[0]);
+}
+
 static void test_a_dead_sensor(void) {
     TEST_ASSERT_EQUAL_UINT8(IMPID_MESSAGES_STATUS_HEALTH_SELF_TEST_FAILED_BOTH_CHOICE, verdict(0, 0));
 }
@@ -83,7 +91,7 @@ static void test_nothing_of_it_reaches_a_stream_or_its_counters(void) {
 
 static void test_samples_outside_a_self_test_are_none_of_its_business(void) {
     impid_selftest_t idle;
-    impid_selftest_init(&idle, 3300);
+    impid_selftest_init(&idle);
     impid_sample_t sample = {.accel = {65535, 65535}};
     for (uint32_t i = 0; i < 1000u; i++) {
         TEST_ASSERT_FALSE(impid_selftest_sample(&idle, &sample, &fake.port));
@@ -99,6 +107,7 @@ int main(void) {
     RUN_TEST(test_limits_of_the_data_sheet);
     RUN_TEST(test_too_little_on_x);
     RUN_TEST(test_too_much_on_y);
+    RUN_TEST(test_limits_and_response_go_with_the_supply_of_the_moment);
     RUN_TEST(test_a_dead_sensor);
     RUN_TEST(test_nothing_of_it_reaches_a_stream_or_its_counters);
     RUN_TEST(test_samples_outside_a_self_test_are_none_of_its_business);

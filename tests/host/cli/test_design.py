@@ -81,6 +81,10 @@ def test_modified_perturbation_needs_what_it_models(setup, tmp_path):
     result = _run("perturbation", "--out", out, "--rms", 4, "--candidates", 5, "--modify-for", setup)
     assert isinstance(result.exception, InputError)
     assert "[prior] alpha" in str(result.exception)
+    assert result.output == ""  # nothing is said to be written
+    setup.write_text(SETUP.split("[prior]", maxsplit=1)[0] + "[prior]\nalpha = [0.07, 0.04]\n")
+    result = _run("perturbation", "--out", out, "--rms", 4, "--candidates", 5, "--modify-for", setup)
+    assert "alpha has 2 numbers" in str(result.exception)
 
 
 def test_multisine_experiments_repeat_their_period_exactly(tmp_path):

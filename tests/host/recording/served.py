@@ -51,7 +51,7 @@ class Outcome:
                     "boot": boot["boot_id"],
                     "cause": boot["reset_cause"],
                     "produced": boot["samples_produced"],
-                    "stored": sum(each.stored for each in ledgers),
+                    "stored": sum(each.stored + each.surplus for each in ledgers),
                     "lost": sum(each.lost for each in ledgers),
                     "uncounted": sum(each.uncounted or 0 for each in ledgers),
                 }

@@ -89,7 +89,7 @@ def test_cable_out_and_in(plugged: PtyBoard, out: Path) -> None:
 
     outcome, recording = Session(Address(port=plugged.port), out).at(0.8, pull).run(3.0)
     assert outcome.ending == "complete"
-    assert names(recording) == ["start", "run", "disconnected", "reconnected", "stop"]
+    assert names(recording) == ["start", "run", "disconnected", "reconnected", "enough", "stop"]
     (ledger,) = recording.ledgers
     assert ledger.balanced
     assert 600 < ledger.lost < 1700
@@ -103,7 +103,13 @@ def test_a_reset_in_mid_stream_opens_a_run_of_its_own(plugged: PtyBoard, out: Pa
     assert outcome.ending == "complete"
     assert [segment.boot_id for segment in recording.segments] == [77, 78]
     # The answer to START and the first samples may come in one piece.
-    assert [name for name in names(recording) if name != "run"] == ["start", "boot", "start", "stop"]
+    assert [name for name in names(recording) if name != "run"] == [
+        "start",
+        "boot",
+        "start",
+        "enough",
+        "stop",
+    ]
     boot = next(event for event in recording.events if event.name == "boot")
     assert (boot.detail["before"], boot.detail["boot_id"], boot.detail["reset_cause"]) == (77, 78, 2)
     one_boot_is_one_clock(recording)
@@ -173,7 +179,7 @@ def test_silence_is_noticed_and_survived(plugged: PtyBoard, out: Path) -> None:
 
     outcome, recording = Session(Address(port=plugged.port), out).at(0.5, hang).run(3.5)
     assert outcome.ending == "complete"
-    assert names(recording) == ["start", "run", "disconnected", "reconnected", "stop"]
+    assert names(recording) == ["start", "run", "disconnected", "reconnected", "enough", "stop"]
     assert "nothing heard" in json.dumps([event.detail for event in recording.events])
     (ledger,) = recording.ledgers
     assert ledger.balanced

@@ -87,3 +87,8 @@ def test_only_the_default_chain_has_a_movable_cutoff() -> None:
     for name in ("published", "emps"):
         with pytest.raises(UndeterminedError, match="fixed cut-off"):
             CHAINS[name].with_cutoff(9.0)
+
+
+def test_a_cut_off_beyond_half_the_rate_is_refused() -> None:
+    with pytest.raises(UndeterminedError, match="at 20 Hz have no part at 100 Hz"):
+        ZeroPhaseLowPass(4, 100.0).apply(np.zeros(400), 20.0)

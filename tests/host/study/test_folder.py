@@ -95,7 +95,11 @@ def test_whole_numbers_written_as_floats_are_whole_numbers(study_folder: Path) -
 def test_number_of_joints_follows_the_model(
     study_folder: Path, model: str, columns: str, joints: int
 ) -> None:
-    (study_folder / "r.urdf").write_text("<robot/>")
+    chain = "".join(
+        f'<joint name="j{k}" type="continuous"><parent link="l{k}"/><child link="l{k + 1}"/></joint>'
+        for k in range(joints)
+    )
+    (study_folder / "r.urdf").write_text(f'<robot name="r"><link name="l0"/>{chain}</robot>')
     (study_folder / "setup.toml").write_text(
         f'format = "impid-study/1"\n[robot]\nmodel = "{model}"\n'
         + ('urdf = "r.urdf"\n' if model == "urdf" else "")

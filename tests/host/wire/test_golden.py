@@ -2,6 +2,7 @@
 
 import json
 from collections import Counter
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -99,3 +100,15 @@ def test_pong_time_is_extended_to_64_bit(raw: bytes) -> None:
     _, decoded = decode([raw])
     (pong,) = decoded.pongs
     assert 2**32 + 100_000 <= pong.t2_us <= pong.t3_us < 2**32 + 101_000 + 65_536
+
+
+def test_the_session_of_a_board_without_the_eighth_status_is_read_as_before(raw: bytes) -> None:
+    _, today = decode([raw])
+    decoder, older = decode([(GOLDEN / "seven_statuses" / "serial.bin").read_bytes()])
+    assert (decoder.counts.bad_frames, decoder.counts.inconsistent) == (0, 0)
+    assert older.segments[0].samples.ax.tolist() == today.segments[0].samples.ax.tolist()
+    assert older.responses == today.responses
+    assert [s.line_errors for s in older.statuses] == [None] * len(today.statuses)
+    assert [s.line_errors for s in today.statuses] == [0] * len(today.statuses)
+    uncounted = dict.fromkeys(("line_errors", "can_overruns", "adc_overruns", "dma_errors"))
+    assert older.statuses == tuple(replace(status, **uncounted) for status in today.statuses)

@@ -1,0 +1,1 @@
+"""Parts of mistakes_validation.py."""

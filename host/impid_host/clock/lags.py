@@ -1,0 +1,85 @@
+"""Where two logs of one motion look alike: the cross-correlation of their velocities, whatever the offset."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import ndimage, signal
+
+from impid_host.errors import UndeterminedError
+from impid_host.signals.arrays import Floats
+
+MIN_OVERLAP_S = 1.0
+# Of a long log so much to either side of the middle is looked at first.
+FIRST_HALF_WINDOW_S = 30.0
+_COARSE_STEP_S = 5e-3
+_MIN_CORRELATION = 0.7
+_CANDIDATES = 8
+
+
+@dataclass(frozen=True, slots=True)
+class Motion:
+    """One log: times from its first row, s, shape (N,), and angles, shape (N, n)."""
+
+    t: Floats
+    theta: Floats
+
+    @property
+    def period(self) -> float:
+        return float(np.median(np.diff(self.t)))
+
+    @property
+    def duration(self) -> float:
+        return float(self.t[-1])
+
+    def every(self, step: int) -> "Motion":
+        """The same motion by every so many rows."""
+        return Motion(self.t[::step], self.theta[::step])
+
+
+def smallest_step(theta: Floats) -> Floats:
+    steps = np.abs(np.diff(theta, axis=0))
+    threshold = 1e-12 * np.max(np.abs(theta), axis=0)
+    smallest: Floats = np.min(np.where(steps > threshold, steps, np.inf), axis=0)
+    return smallest
+
+
+def _grid_velocity(log: Motion, step: float) -> Floats:
+    grid = np.arange(0.0, log.duration, step)
+    theta = np.stack([np.interp(grid, log.t, column) for column in log.theta.T], axis=1)
+    smooth = ndimage.gaussian_filter1d(theta, 2.0, axis=0)
+    return np.gradient(smooth, step, axis=0)
+
+
+def coarse_lags(device: Motion, robot: Motion) -> list[float]:
+    """Lags (s; robot time plus lag = module time) at which the two velocity signals look alike, best first.
+
+    Of a long robot log only the middle is used here: over hours a drift of 200 ppm would smear the peak.
+    """
+    step = max(_COARSE_STEP_S, device.period, robot.period)
+    fast = _grid_velocity(device, step)
+    slow = _grid_velocity(robot, step)
+    first = max(0, len(slow) // 2 - int(4 * FIRST_HALF_WINDOW_S / step))
+    slow = slow[first : len(slow) - first]
+    shared = min(len(fast), len(slow))
+    needed = max(min(MIN_OVERLAP_S / step, 0.8 * shared), 0.05 * shared)
+
+    def correlate(a: Floats, b: Floats) -> Floats:
+        result: Floats = signal.fftconvolve(a, b[::-1], axes=0).sum(axis=1)
+        return result
+
+    ones = np.ones_like(fast[:, :1]), np.ones_like(slow[:, :1])
+    cross = correlate(fast, slow)
+    energy = correlate(fast**2, np.ones_like(slow)) * correlate(np.ones_like(fast), slow**2)
+    floor = 1e-6 * (np.sum(fast**2) * np.sum(slow**2))
+    likeness = np.where(energy > floor, cross / np.sqrt(np.maximum(energy, floor)), 0.0)
+    likeness[correlate(*ones) < needed] = 0.0
+    peaks, _ = signal.find_peaks(np.concatenate([[0.0], likeness, [0.0]]))
+    peaks = peaks - 1
+    peaks = peaks[likeness[peaks] > _MIN_CORRELATION]
+    if len(peaks) == 0:
+        raise UndeterminedError(
+            f"module and robot log do not show the same motion (best correlation {likeness.max():.2f}); "
+            "check that both belong to one trial, and the encoders' direction and counts_per_rev"
+        )
+    ranked = peaks[np.argsort(likeness[peaks])[::-1]][:_CANDIDATES]
+    return [float((peak - (len(slow) - 1) - first) * step) for peak in ranked]

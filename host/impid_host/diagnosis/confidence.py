@@ -1,0 +1,52 @@
+"""How probable it is that a name is right, from how well all explanations that were scored predict.
+
+Weights by the Bayesian bootstrap over blocks (pseudo-BMA+: Yao, Vehtari, Simpson and Gelman, Bayesian
+Analysis 13, 2018), then set to what they have meant on simulated laboratories: of names given with 0.9, nine
+of ten were right.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from impid_host.diagnosis.score import Explanation
+from impid_host.diagnosis.table import Table
+
+_DRAWS = 200
+# Logistic calibration of the weights' log-odds, fitted on development seeds (docs/validation/diagnosis.md).
+_LEVEL, _SLOPE = 1.6, 0.6
+_SUREST = 0.995
+
+
+def weights(explanations: Sequence[Explanation]) -> np.ndarray:
+    """Weight of each explanation, (E,), summing to 1."""
+    density = np.stack([own.density for own in explanations])
+    fixed = np.array([own.reference for own in explanations])
+    blocks = density.shape[1]
+    shares = np.random.default_rng(0).dirichlet(np.ones(blocks), _DRAWS) * blocks
+    totals = shares @ density.T + fixed
+    totals -= totals.max(axis=1, keepdims=True)
+    each = np.exp(totals)
+    return np.asarray((each / each.sum(axis=1, keepdims=True)).mean(axis=0))
+
+
+def confidence_of(table: Table, slot: int, visited: Sequence[Explanation]) -> float:
+    """Of the slot's effect at its place, 0..1.
+
+    Args:
+        visited: everything that was scored; of sets that differ in finer shapes alone the best counts.
+    """
+    best: dict[frozenset[tuple[str, ...]], Explanation] = {}
+    for own in visited:
+        name = frozenset((table.term(s).effect, *table.term(s).where) for s in own.slots)
+        if name not in best or own.total > best[name].total:
+            best[name] = own
+    sets = list(best)
+    term = table.term(slot)
+    mine = (term.effect, *term.where)
+    share = float(
+        sum(w for w, name in zip(weights([best[n] for n in sets]), sets, strict=True) if mine in name)
+    )
+    share = float(np.clip(share, 1e-6, 1 - 1e-6))
+    odds = _LEVEL + _SLOPE * np.log(share / (1 - share))
+    return float(min(1 / (1 + np.exp(-odds)), _SUREST))

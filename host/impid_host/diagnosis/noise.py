@@ -1,0 +1,94 @@
+"""The noise of each channel: an autoregression, and how heavy the tails of its power are from block to block.
+
+Both are fitted on what a rich regression leaves of the fit part: the base model, every effect of the
+catalogue at a few shapes and the unnamed structures. They stay the same for all explanations that are
+compared.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import linalg, signal, special
+
+from impid_host.diagnosis.rows import Index, Key, Run, mapped
+from impid_host.signals.arrays import Floats
+
+_HIGHEST_ORDER = 12
+BLOCK_S = 2.0
+TAILS = (3.0, 10.0, 30.0, 100.0, 1e4)  # degrees of freedom that are tried; the last is Gaussian
+
+Taps = Mapping[Key, Floats]
+
+
+@dataclass(frozen=True, slots=True)
+class Noise:
+    """Whitening taps by channel, (order + 1,); tails: degrees of freedom of a block's power, by channel."""
+
+    taps: Taps
+    tails: Mapping[Key, float]
+
+
+def noise_models(runs: Sequence[Run], columns: Index) -> Taps:
+    """Whitening taps per channel from the residual of a regression on base and the given columns of terms."""
+    taps: dict[Key, Floats] = {}
+    for key in sorted({run.key for run in runs}):
+        own = [run for run in runs if run.key == key]
+        design = np.concatenate([np.column_stack([run.base, run.columns(columns)]) for run in own])
+        target = np.concatenate([run.target for run in own])
+        size = np.linalg.norm(design, axis=0)
+        design = design[:, size > 0] / size[size > 0]
+        beta = np.linalg.lstsq(design, target, rcond=1e-8)[0] if design.shape[1] else np.zeros(0)
+        residual = target - design @ beta
+        lost = min(design.shape[1], len(target) // 2)
+        inflate = np.sqrt(len(target) / max(len(target) - lost, 1))
+        cuts = np.cumsum([len(run.target) for run in own])[:-1]
+        taps[key] = autoregression(np.split(residual * inflate, cuts))
+    return taps
+
+
+def whitened(runs: Sequence[Run], taps: Taps) -> list[Run]:
+    """Rows turned into innovations of unit variance; each run loses as many rows as its channel has taps."""
+
+    def change(run: Run, Z: Floats) -> Floats:
+        h = taps[run.key]
+        result: Floats = signal.lfilter(h, [1.0], Z, axis=0)[len(h) - 1 :]
+        return result
+
+    return mapped(runs, change)
+
+
+def autoregression(residuals: Sequence[Floats]) -> Floats:
+    """AR by Yule-Walker, order by AICc; taps over the innovation's standard deviation."""
+    count = sum(len(r) for r in residuals)
+    highest = max(0, min(_HIGHEST_ORDER, count // 25, min(len(r) for r in residuals) // 4))
+    lags = np.array(
+        [sum(float(r[lag:] @ r[: len(r) - lag]) for r in residuals) / count for lag in range(highest + 1)]
+    )
+    best = (np.inf, np.ones(1), lags[0])
+    for order in range(highest + 1):
+        phi = linalg.solve_toeplitz(lags[:order], lags[1 : order + 1]) if order else np.zeros(0)
+        variance = max(lags[0] - float(phi @ lags[1 : order + 1]), 1e-300)
+        free = order + 1
+        score = count * np.log(variance) + 2 * free + 2 * free * (free + 1) / max(count - free - 1, 1)
+        if score < best[0]:
+            best = (score, np.concatenate([[1.0], -phi]), variance)
+    taps: Floats = best[1] / np.sqrt(max(best[2], 1e-300))
+    return taps
+
+
+def log_density(squares: Floats, rows: Floats, tail: Floats) -> Floats:
+    """Of blocks of `rows` innovations whose squares sum to `squares`, all (U,), nats.
+
+    A multivariate t of `tail` degrees of freedom: the power of the noise changes from block to block, so that
+    a push in one of them neither makes nor breaks an explanation.
+    """
+    half = 0.5 * (tail + rows)
+    level = special.gammaln(half) - special.gammaln(0.5 * tail) - 0.5 * rows * np.log(np.pi * tail)
+    result: Floats = level - half * np.log1p(squares / tail)
+    return result
+
+
+def tail_of(squares: Floats, rows: Floats) -> float:
+    """Degrees of freedom under which a channel's blocks are most likely."""
+    return max(TAILS, key=lambda tail: float(np.sum(log_density(squares, rows, np.full(len(rows), tail)))))

@@ -1,0 +1,330 @@
+"""The search for the explanation that predicts best: a few side by side, named and unnamed terms alike.
+
+From the base model on, the terms that lower the squares most are tried one at a time; those that predict
+unseen blocks clearly better, by an amount that matters, with possible parameters, stay. The best few sets go
+on together. At the end the simplest set that is not clearly worse than the best is chosen, a name before an
+unnamed structure.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from impid_host.diagnosis.rows import Key
+from impid_host.diagnosis.score import Explanation, difference, explanation
+from impid_host.diagnosis.table import Table, drop, projected, residuals
+from impid_host.effects.bounds import negligible, of_machine, possible
+from impid_host.effects.effect import Term
+from impid_host.signals.arrays import Floats
+
+
+@dataclass(frozen=True, slots=True)
+class Rules:
+    """All numbers that decide. Chosen on seeds that no reported campaign uses.
+
+    Attributes:
+        sigmas: standard errors by which a term must predict better; nats: and at least so much.
+        close_sigmas, close_nats: what is within either of them is not clearly worse.
+        matters: least mean square of what a term changes, over a row's noise, in a channel where it shows.
+        shows: a term shows where it changes so much of what it changes in the channel where it changes most.
+        relative, relative_unnamed: and over what the other terms change there: the imperfect shape of a large
+            term leaves so much.
+        beam: sets carried along; contenders: terms tried on each; most: terms in a set.
+        keeps: part of its gain that a name must keep where the structures that imitate it are in the model.
+    """
+
+    sigmas: float = 3.0
+    nats: float = 6.0
+    close_sigmas: float = 2.0
+    close_nats: float = 4.0
+    matters: float = 0.04
+    shows: float = 0.3
+    relative: float = 0.002
+    relative_unnamed: float = 0.03
+    beam: int = 3
+    contenders: int = 8
+    most: int = 7
+    keeps: float = 0.5
+
+
+RULES = Rules()
+_FINER = 7
+_WORTH_REFINING = 0.5  # of the best contender's score
+_Kind = tuple[str, tuple[str, ...], str, str]
+
+
+@dataclass(frozen=True, slots=True)
+class Found:
+    """What a search ends with.
+
+    Attributes:
+        best: the chosen explanation, of its own slots without those given.
+    """
+
+    walk: "Walk"
+    best: Explanation
+
+    @property
+    def table(self) -> Table:
+        """With the finer shapes that were tried."""
+        return self.walk.table
+
+    @property
+    def visited(self) -> tuple[Explanation, ...]:
+        """Every set that was scored."""
+        return tuple(self.walk.visited.values())
+
+
+def search(
+    table: Table, given: Sequence[int] = (), rules: Rules = RULES, *, sometimes: bool = False
+) -> Found:
+    """Search from the base model with the `given` slots, which stay in whatever happens.
+
+    Args:
+        sometimes: there are free and loaded trials, so that an effect of the machine may be in some of them only.
+    """
+    walk = Walk(table, tuple(given), rules, sometimes=sometimes)
+    beam = [walk.score(())]
+    for _ in range(rules.most):
+        grown = [walk.simplified(new) for old in beam for new in walk.grown(old)]
+        after = _distinct([*beam, *grown], walk)[: rules.beam]
+        if [own.slots for own in after] == [own.slots for own in beam]:
+            break
+        beam = after
+    best = walk.swapped(beam[0])
+    return Found(walk, walk.simplest(best))
+
+
+def clearly_better(one: Explanation, other: Explanation, rules: Rules = RULES) -> bool:
+    """By more than chance, and by more than nothing."""
+    by = difference(one, other)
+    return by.gain > max(rules.sigmas * by.se, rules.nats)
+
+
+def not_clearly_worse(one: Explanation, best: Explanation, rules: Rules = RULES) -> bool:
+    """Within chance of the best, or behind it by next to nothing."""
+    by = difference(best, one)
+    return by.gain < max(rules.close_sigmas * by.se, rules.close_nats)
+
+
+@dataclass
+class Walk:
+    """One search: its table grows by finer shapes, and what was scored is remembered."""
+
+    table: Table
+    given: tuple[int, ...]
+    rules: Rules
+    sometimes: bool = False
+
+    def __post_init__(self) -> None:
+        self.visited: dict[tuple[int, ...], Explanation] = {}
+        self.known_shapes: dict[tuple[int, ...], tuple[int, ...]] = {}
+
+    def score(self, slots: Sequence[int]) -> Explanation:
+        """The set beside those given, scored once."""
+        key = tuple(slots)
+        name = tuple(sorted(key))
+        if name not in self.visited:
+            full = explanation(self.table, (*self.given, *key))
+            beta = full.beta[len(self.table.columns(self.given)) :]
+            self.visited[name] = replace(full, slots=key, beta=beta)
+        return self.visited[name]
+
+    def grown(self, old: Explanation) -> Iterator[Explanation]:
+        """The set with each term that predicts clearly better beside it, by an amount that matters."""
+        if len(old.slots) >= self.rules.most:
+            return
+        for s, promising in self.contenders(old).items():
+            slots = self.refined((*old.slots, s)) if promising else (*old.slots, s)
+            new = self.score(slots)
+            if not self.is_possible(new) or not clearly_better(new, old, self.rules):
+                continue
+            if self.matters(slots, len(slots) - 1):
+                yield new
+
+    def simplified(self, old: Explanation) -> Explanation:
+        """Without the terms that the others explain away."""
+        slots = list(old.slots)
+        while len(slots) > 1:
+            whole = self.score(slots)
+            fewer = [self.score([o for o in slots if o != s]) for s in slots]
+            idle = [
+                (difference(whole, less).gain, k)
+                for k, less in enumerate(fewer)
+                if not clearly_better(whole, less, self.rules) or not self.matters(slots, k)
+            ]
+            if not idle:
+                break
+            slots.pop(min(idle)[1])
+        return self.score(slots)
+
+    def swapped(self, best: Explanation) -> Explanation:
+        """Each term replaced by another, given the others, while that predicts clearly better."""
+        for place in range(len(best.slots)):
+            rest = [o for k, o in enumerate(best.slots) if k != place]
+            for s in [*self._partial(best.slots[place]), *self.contenders(self.score(rest))]:
+                new = self.score(self.refined((*rest, s)))
+                if self.is_possible(new) and new.total > best.total + self.rules.close_nats:
+                    best = new
+                    break
+        return self.simplified(best)
+
+    def _partial(self, s: int) -> list[int]:
+        """The same effect of the machine in free trials only, and under load only."""
+        slot = self.table.slots[s]
+        if not (self.sometimes and slot.term.when == "all" and of_machine(slot.term)):
+            return []
+        first = len(self.table.slots)
+        for when in ("free", "load"):
+            self.table = self.table.with_shapes(replace(slot.term, when=when), [slot.shape])
+        return list(range(first, first + 2))
+
+    def simplest(self, best: Explanation) -> Explanation:
+        """Of all that is not clearly worse than the best, the simplest; names before unnamed structures."""
+        close = [
+            own
+            for own in self.visited.values()
+            if not_clearly_worse(own, best, self.rules) and self.is_possible(own)
+        ]
+        return min(close or [best], key=lambda own: (*self._plainness(own), -own.total))
+
+    def _plainness(self, own: Explanation) -> tuple[int, int]:
+        terms = [self.table.term(s) for s in own.slots]
+        return (sum(not term.named for term in terms), sum(term.parameters for term in terms))
+
+    def is_possible(self, own: Explanation) -> bool:
+        """Every name has parameters within its bounds when all are fitted together."""
+        first = 0
+        for s in own.slots:
+            slot = self.table.slots[s]
+            beta = own.beta[first : first + slot.term.size]
+            # What is linear about a wrong model may be out of bounds at first; its exact refit may not.
+            inside = (
+                slot.term.gate(beta, slot.shape)
+                if slot.term.by_model
+                else possible(slot.term, beta, slot.shape)
+            )
+            if slot.term.named and not inside:
+                return False
+            first += slot.term.size
+        return True
+
+    def matters(self, slots: Sequence[int], place: int) -> bool:
+        """What the term changes is more than nobody would care about."""
+        slot = self.table.slots[slots[place]]
+        first = sum(self.table.term(s).size for s in slots[:place])
+        beta = self.score(slots).beta[first : first + slot.term.size]
+        if negligible(slot.term, beta, slot.shape):
+            return False
+        return size_that_matters(self.table, (*self.given, *slots), len(self.given) + place, self.rules)
+
+    def contenders(self, old: Explanation) -> dict[int, bool]:
+        """The best slot of each term, by drop of the squares less its BIC penalty, the best few.
+
+        Returns:
+            slot -> whether its score is of the size of the best one's.
+        """
+        taken = {_place(self.table, s) for s in (*self.given, *old.slots)}
+        active = (*self.given, *old.slots)
+        P = projected(self.table.G, self.table.columns(active))
+        penalty = np.log(max(self.table.rows, 2))
+        scored = []
+        for s, slot in enumerate(self.table.slots):
+            if _place(self.table, s) in taken:
+                continue
+            score = 0.5 * (drop(P, self.table.G, slot.columns) - penalty * slot.term.parameters)
+            if score > 0:
+                scored.append((score, s))
+        result: dict[int, bool] = {}
+        seen: set[_Kind] = set()
+        room = {True: self.rules.contenders, False: self.rules.contenders // 2}
+        top = max(scored, default=(0.0, 0))[0]
+        for score, s in sorted(scored, reverse=True):
+            term = self.table.term(s)
+            if _kind(term) in seen or room[term.named] == 0:
+                continue
+            seen.add(_kind(term))
+            room[term.named] -= 1
+            result[s] = score > _WORTH_REFINING * top
+        return result
+
+    def refined(self, slots: Sequence[int]) -> tuple[int, ...]:
+        """The set with its non-linear parameters improved, the new one first, one after another."""
+        name = tuple(slots)
+        if name in self.known_shapes:
+            return self.known_shapes[name]
+        result = list(slots)
+        order = [len(result) - 1, *range(len(result) - 1)]
+        for place in order:
+            if self.table.term(result[place]).shaped:
+                rest = [*self.given, *(o for k, o in enumerate(result) if k != place)]
+                self.table, result[place] = refined_one(self.table, rest, result[place])
+        self.known_shapes[name] = tuple(result)
+        return tuple(result)
+
+
+def _kind(term: Term) -> _Kind:
+    return (term.effect, term.where, term.variant, term.when)
+
+
+def _place(table: Table, s: int) -> tuple[str, tuple[str, ...], str]:
+    """What must not be in a set twice: an effect at one place; an unnamed structure of one form."""
+    term = table.term(s)
+    return (term.effect, term.where, "" if term.named else term.variant)
+
+
+def _distinct(found: Sequence[Explanation], walk: Walk) -> list[Explanation]:
+    """Best first; of sets that differ in nothing but finer shapes the best."""
+    seen: set[frozenset[_Kind]] = set()
+    result = []
+    for own in sorted(found, key=lambda e: -e.total):
+        name = frozenset(_kind(walk.table.term(s)) for s in own.slots)
+        if name not in seen:
+            seen.add(name)
+            result.append(own)
+    return result
+
+
+def refined_one(table: Table, rest: Sequence[int], s: int) -> tuple[Table, int]:
+    """Two rounds of finer shapes around the best of the term's own, the rest given (variable projection)."""
+    term = table.term(s)
+
+    def best_of(table: Table) -> int:
+        P = projected(table.G, table.columns(rest))
+        own = [k for k, slot in enumerate(table.slots) if slot.term is term]
+        return max(own, key=lambda k: drop(P, table.G, table.slots[k].columns))
+
+    s = best_of(table)
+    for _ in range(2):
+        shapes = np.unique([slot.shape for slot in table.slots if slot.term is term])
+        here = int(np.searchsorted(shapes, table.slots[s].shape))
+        left, right = shapes[max(here - 1, 0)], shapes[min(here + 1, len(shapes) - 1)]
+        if right - left < 1e-3 * abs(shapes[here]):
+            break
+        fresh = [float(v) for v in np.linspace(left, right, _FINER)[1:-1] if abs(v - shapes[here]) > 1e-12]
+        if not fresh:
+            break
+        table = table.with_shapes(term, fresh)
+        s = best_of(table)
+    return table, s
+
+
+def size_that_matters(table: Table, slots: Sequence[int], place: int, rules: Rules = RULES) -> bool:
+    """Whether a term changes a channel by more than anybody ignores, and than larger terms leave."""
+    columns = table.columns(slots)
+    first = sum(table.term(s).size for s in slots[:place])
+    own = np.arange(first, first + table.term(slots[place]).size)
+    rest = np.delete(columns, own)
+    before, after = residuals(table, rest), residuals(table, columns)
+    changes: dict[Key, Floats] = {}
+    for run, r0, r1 in zip(table.runs, before, after, strict=True):
+        entry = changes.setdefault(run.key, np.zeros(3))
+        entry += np.array([r0 @ r0 - r1 @ r1, run.target @ run.target - r0 @ r0, len(r0)])
+    most = max(float(entry[0]) for entry in changes.values())
+    relative = rules.relative if table.term(slots[place]).named else rules.relative_unnamed
+    return any(
+        entry[0] > max(rules.matters * entry[2], relative * entry[1])
+        for entry in changes.values()
+        if entry[0] > rules.shows * most
+    )

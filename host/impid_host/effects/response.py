@@ -1,0 +1,80 @@
+"""Linear dynamics without a cause: a signal that follows the motion by any response in frequency.
+
+A resonance, a leaky filter, a compliance of the wrong sign, a bracket that rings: none is in the catalogue,
+and all of them look a little like springs, delays and masses that are.
+"""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from impid_host.effects.effect import UNATTRIBUTED, Setting, Term, along, at_tip, on_joint
+from impid_host.effects.view import SPECIFIC_FORCE, Columns, View
+from impid_host.signals.arrays import Floats
+
+NODES_HZ = (0.3, 0.6, 0.9, 1.25, 1.6, 2.0, 2.6, 3.4, 4.5)
+# Nobody moves faster: above, an acceleration is the encoders' noise, which the torque model passes on.
+_ENDS_HZ = (0.0, 6.0)
+RESPONSE = "response"
+
+
+def response_terms(setting: Setting) -> Iterator[Term]:
+    """Each joint's torque after its own acceleration; the tip's force and the accelerometer likewise."""
+    for joint in range(setting.joints):
+
+        def own(view: View, _shape: float, joint: int = joint) -> Columns:
+            return on_joint(view, joint, *filtered(view.acc[:, joint], view.dt))
+
+        yield _term(f"tau{joint + 1}", own, f"theta{joint + 1}")
+    if not setting.planar:
+        return
+    for axis in (0, 1) if setting.loads else ():
+
+        def pulled(view: View, _shape: float, axis: int = axis) -> Columns:
+            if view.load is None:
+                return {}
+            return at_tip(view, *(along(c, axis) for c in filtered(view.a[:, axis], view.dt)))
+
+        yield _term(f"f{'xy'[axis]}", pulled, "xy"[axis])
+    for axis in (0, 1) if setting.accelerometer else ():
+
+        def felt(view: View, _shape: float, axis: int = axis) -> Columns:
+            if view.predicted is None:
+                return {}
+            bands = [along(c, axis) for c in filtered(view.predicted[:, axis], view.dt)]
+            return {SPECIFIC_FORCE: np.stack(bands, axis=2)}
+
+        yield _term(f"acc_{'xy'[axis]}", felt, "xy"[axis])
+
+
+def is_response(term: Term) -> bool:
+    """Whether it is one of these."""
+    return term.variant.startswith(RESPONSE)
+
+
+def filtered(values: Floats, dt: float) -> list[Floats]:
+    """`values` (N,) in triangular bands of frequency, each in phase and a quarter turn late.
+
+    Any sum of them is a response that is linear in frequency between the nodes.
+    """
+    count = len(values)
+    size = 2 * count  # the other half is silence, so that the end does not reach the beginning
+    spectrum = np.fft.rfft(values, size)
+    frequency = np.fft.rfftfreq(size, dt)
+    result: list[Floats] = []
+    nodes = (_ENDS_HZ[0], *NODES_HZ, _ENDS_HZ[1])
+    for node in range(1, len(nodes) - 1):
+        weight = np.interp(frequency, nodes, np.eye(len(nodes))[node])
+        result += [np.fft.irfft(spectrum * weight * turn, size)[:count] for turn in (1.0, -1j)]
+    return result
+
+
+def _term(on: str, columns: object, of: str) -> Term:
+    return Term(
+        UNATTRIBUTED,
+        (on, "frequency"),
+        columns,  # type: ignore[arg-type]
+        lambda _beta, _shape: {},
+        size=2 * len(NODES_HZ),
+        variant=f"{RESPONSE} to {of}",
+    )

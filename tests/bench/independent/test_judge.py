@@ -1,0 +1,106 @@
+"""The driver with a stand-in for the tool: a report written by hand, a crash, a silence."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+
+import pytest
+
+from bench.independent import judge
+from bench.independent.__main__ import main
+from bench.independent.laboratory import draw
+from bench.independent.table import page
+
+SHORT = next(s for s in range(900, 999) if len(draw(s).plans) == 3)  # three trials of 15 s
+REPORT = {
+    "format": "impid-diagnosis/1",
+    "verdict": "dry friction on joint 1",
+    "checks": [],
+    "trusted": True,
+    "noise_floor": {"tau1": 0.001, "tau2": None, "fx": None, "fy": None},
+    "stages": [
+        {"added": None},
+        {
+            "added": {"effect": "friction.coulomb", "where": "joint1", "evidence": {"confidence": 0.97}},
+            "validation_rms": {"tau1": 0.002},
+            "parameters": {"loads": {}},
+        },
+    ],
+    "unexplained": {"above_noise_floor": False},
+    "ambiguous": [],
+}
+
+
+def stand_in(path, body):
+    path.write_text(
+        f"#!{sys.executable}\nimport sys\nassert sys.argv[1::2] == ['diagnose', '--json'], sys.argv\n{body}\n"
+    )
+    path.chmod(0o755)
+    return str(path)
+
+
+def lines_of(tmp_path, tool, *options):
+    out = tmp_path / "lines.jsonl"
+    sys.argv = [
+        "independent",
+        "judge",
+        "--seeds",
+        f"{SHORT}:{SHORT}",
+        "--out",
+        str(out),
+        "--tool",
+        tool,
+        *options,
+    ]
+    main()
+    return out, [json.loads(text) for text in out.read_text().splitlines()]
+
+
+@pytest.fixture(autouse=True)
+def own_arguments(monkeypatch):
+    monkeypatch.setattr(sys, "argv", sys.argv)
+
+
+def test_a_false_alarm_is_counted_and_shown(tmp_path):
+    tool = stand_in(tmp_path / "tool", f"open(sys.argv[4], 'w').write({json.dumps(REPORT)!r})")
+    out, (line,) = lines_of(tmp_path, tool, "--clean")
+    assert line["verdict"] == "false_alarm"
+    assert line["named"] == ["friction.coulomb@joint1"]
+    assert line["confidences"] == [[0.97, False]]
+    assert line["tool"]["status"] == 0
+    assert line["tool"]["megabytes"] > 1
+    assert line["floors"]["tau1"] > 0
+    text = page([out])
+    assert "| usual | 1/1 = 100.0 %" in text
+    assert "| 0.95 to 0.99 | 0.970 | 0/1 = 0.0 %" in text
+
+
+def test_a_crash_is_a_failure_and_seeds_are_judged_once(tmp_path):
+    tool = stand_in(tmp_path / "tool", "sys.exit('no robot here')")
+    _, (line,) = lines_of(tmp_path, tool, "--clean")
+    assert line["verdict"] == "failed"
+    assert line["tool"]["status"] == 1
+    assert line["tool"]["last_words"] == "no robot here"
+    assert len(lines_of(tmp_path, tool, "--clean")[1]) == 1
+
+
+def test_judging_seeds_need_a_word(tmp_path):
+    sys.argv = ["independent", "judge", "--seeds", "700000:700000", "--out", str(tmp_path / "x"), "--clean"]
+    with pytest.raises(SystemExit, match="--judging"):
+        main()
+
+
+def test_seeds_run_through_all_effects():
+    args = argparse.Namespace(clean=False, kind="any", unusual=False, effect=None, strength=None)
+    seen = {judge.wanted_of(seed, args)[0][0] for seed in range(4 * len(judge.EVERY))}
+    assert len(seen) == 4 * len(judge.EVERY)
+
+
+@pytest.mark.parametrize(("kind", "count"), [("pairs", 2), ("triples", 3), ("clean", 0), ("unusual", 0)])
+def test_kinds_of_studies(kind, count):
+    args = argparse.Namespace(clean=False, kind=kind, unusual=False, effect=None, strength=None)
+    wanted, unusual = judge.wanted_of(5, args)
+    assert len({key for key, _ in wanted}) == count
+    assert unusual == (kind == "unusual")

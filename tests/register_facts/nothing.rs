@@ -1,0 +1,1 @@
+//! Nothing of ours: see Cargo.toml.
