@@ -1,5 +1,55 @@
-"""impid-host: record, synchronise and identify; find what the model lacks and add it."""
+"""Measure a human arm's mechanical impedance without a force sensor: read a study, check it, fit it,
+diagnose it.
 
+    >>> import impid_host as impid
+    >>> impid.read_study("no/such/study")
+    Traceback (most recent call last):
+    ...
+    impid_host.errors.InputError: no/such/study: does not exist; check the path
+
+What stands in `__all__` is public; the rest may change. Everything is loaded when it is first used.
+"""
+
+from importlib import import_module
 from importlib.metadata import version
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from impid_host.checks import Checks
+    from impid_host.errors import ImpidError, InputError, UndeterminedError
+    from impid_host.front import Diagnosed, Fitted, check, diagnose, fit, read_study
+    from impid_host.study.model import Study
 
 __version__ = version("impid")
+__all__ = [
+    "Checks",
+    "Diagnosed",
+    "Fitted",
+    "ImpidError",
+    "InputError",
+    "Study",
+    "UndeterminedError",
+    "__version__",
+    "check",
+    "diagnose",
+    "fit",
+    "read_study",
+]
+_FROM = {
+    "Checks": "impid_host.checks",
+    "ImpidError": "impid_host.errors",
+    "InputError": "impid_host.errors",
+    "Study": "impid_host.study.model",
+    "UndeterminedError": "impid_host.errors",
+}
+
+
+def __getattr__(name: str) -> Any:
+    """Import a public name when it is first asked for."""
+    if name not in __all__:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}; there are {', '.join(__all__)}")
+    return getattr(import_module(_FROM.get(name, "impid_host.front")), name)
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

@@ -189,7 +189,7 @@ def _add_prior(normal: Floats, right: Floats, study: Signals) -> None:
         return
     size = len(study.model.parameter_names)
     known = study.prior if study.prior is not None and len(study.prior) == size else None
-    if known is None and study.model.name == "joint-1d":
+    if known is None and study.model.torque_at_load:
         known = (0.0,) * size
     if known is None:
         return

@@ -8,6 +8,7 @@ from impid_host.checks.axes import axis_map
 from impid_host.checks.check import Check
 from impid_host.checks.equations import Motions, low, turned
 from impid_host.checks.signals import Signals, jumps
+from impid_host.samples import DeviceSamples
 from impid_host.signals.align import robot_rows
 from impid_host.signals.arrays import Floats
 from impid_host.study.model import Study, Trial
@@ -60,9 +61,10 @@ def _clipped_accelerometer(study: Study) -> Iterator[Check]:
     sensor = study.setup.accelerometer
     shares: dict[str, list[float]] = {}
     for trial in study.trials:
-        if trial.device is None or sensor is None:
+        readings = None if sensor is None else _readings(trial)
+        if readings is None:
             continue
-        for axis, codes in (("x", trial.device.ax), ("y", trial.device.ay)):
+        for axis, codes in zip("xy", readings.T, strict=True):
             shares.setdefault(axis, []).append(flat_share(codes.astype(np.float64)))
     clipped = {axis: max(values) for axis, values in shares.items() if max(values) > 0}
     if clipped:
@@ -77,6 +79,17 @@ def _clipped_accelerometer(study: Study) -> Iterator[Check]:
             {"share": share},
             f"record again with a wider range or a slower motion; until then: {_ANGLES}",
         )
+
+
+def _readings(trial: Trial) -> Floats | None:
+    """What the sensor gave, codes or m/s^2, (N, 2)."""
+    device = trial.device
+    if device is None:
+        return None
+    if isinstance(device, DeviceSamples):
+        return np.stack([device.ax, device.ay], axis=1).astype(np.float64)
+    given = device.codes if device.codes is not None else device.acceleration
+    return None if given is None else given.astype(np.float64)
 
 
 def _clipped_torques(study: Study) -> Iterator[Check]:
@@ -243,6 +256,7 @@ def _times(study: Study, signals: Signals) -> Iterator[Check]:
             {name: {"row": row, "seconds": b - a} for name, row, a, b in jumped},
             "robot.csv: put what follows the jump into a trial of its own",
         )
+    yield from _stamps(study)
     factors = {trial.time_factor for trial in signals.trials}
     for factor in sorted(factors - {1.0}):
         names = [trial.name for trial in signals.trials if trial.time_factor == factor]
@@ -255,4 +269,25 @@ def _times(study: Study, signals: Signals) -> Iterator[Check]:
             + ("t is not in seconds" if unit else "its rows were stamped with another rate than they have"),
             {"factor": factor},
             f'robot.csv, or the mapping it is imported by: t = {{ column = "...", scale = {factor:.6g} }}',
+        )
+
+
+def _stamps(study: Study) -> Iterator[Check]:
+    """Stamps that the reader put back on the clock of the rows."""
+    by_kind: dict[str, list[Trial]] = {}
+    for trial in study.trials:
+        if trial.robot.stamps is not None:
+            by_kind.setdefault(trial.robot.stamps.found, []).append(trial)
+    for kind, trials in by_kind.items():
+        names = [trial.name for trial in trials]
+        fits = [fit for trial in trials if (fit := trial.robot.stamps) is not None]
+        how = "stamped several together" if kind == "bursts" else "stamped in coarse steps"
+        yield Check(
+            f"time.{kind}",
+            "+".join(names) if len(names) < len(study.trials) else "",
+            "suspect",
+            f"the robot's rows were {how} ({fits[0].rows_per_step:.0f} to a step of "
+            f"{1e3 * fits[0].step_s:.3g} ms); on a clock of {1e3 * fits[0].period_s:.4g} ms",
+            {"residual_rms_s": max(fit.residual_rms_s for fit in fits)},
+            "let the controller stamp each row when it is measured, to the microsecond",
         )

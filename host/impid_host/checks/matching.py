@@ -99,10 +99,10 @@ def _coarse(fast: Floats, slow: Floats) -> tuple[int, float]:
 
 def _refined(fast: Floats, slow: Floats, offset: float) -> tuple[float, float]:
     """Offset and drift by least squares on the pairs that look alike, scales and zeros free."""
-    t: Floats = np.arange(len(slow), dtype=np.float64) * STEP_S
+    t: Floats = np.arange(len(slow)).astype(np.float64) * np.float64(STEP_S)
     limit = (len(fast) - 1) * STEP_S
     velocity: Floats = np.gradient(fast, STEP_S, axis=0).astype(np.float64)
-    grid: Floats = np.arange(len(fast), dtype=np.float64) * STEP_S
+    grid: Floats = np.arange(len(fast)).astype(np.float64) * np.float64(STEP_S)
     drift, begin = 0.0, offset
     for _ in range(6):
         at: Floats = offset + (1 + drift) * t

@@ -15,11 +15,17 @@ from scipy.interpolate import CubicSpline
 from impid_host.checks.matching import Match, match
 from impid_host.checks.wraps import Unwrapped, unwrapped
 from impid_host.robot.model import RobotModel, robot_model
-from impid_host.samples import DeviceSamples
+from impid_host.samples import DeviceSamples, ModuleSamples, rows_of
 from impid_host.signals.align import robot_rows
 from impid_host.signals.arrays import Floats
-from impid_host.signals.counts import longest_run, specific_force, unwrap_counts, usable_samples
-from impid_host.study.model import RobotLog, RobotSetup, Setup, Study, Trial
+from impid_host.signals.counts import (
+    encoder_counts,
+    longest_run,
+    specific_force,
+    unwrap_counts,
+    usable_samples,
+)
+from impid_host.study.model import EncoderSetup, RobotLog, RobotSetup, Setup, Study, Trial
 
 RATE_HZ = 50.0
 LONGEST_S = 60.0
@@ -111,7 +117,7 @@ def signals_of(study: Study) -> Signals:
     """Read every trial onto the slow clock; a trial too short for it is left out."""
     setup = study.setup
     sensor = setup.accelerometer
-    force = getattr(setup, "force_sensor", None)
+    force = setup.force_sensor
     trials = _by_whole_wraps(tuple(_trials(study)), setup)
     return Signals(
         trials=trials,
@@ -121,8 +127,8 @@ def signals_of(study: Study) -> Signals:
         model=robot_model(setup.robot),
         mount="link2" if sensor is None else sensor.mount,
         mount_angle=0.0 if sensor is None else sensor.mount_angle_rad,
-        force_frame="base" if force is None else force.frame,
-        force_angle=0.0 if force is None else force.mount_angle_rad,
+        force_frame=force.frame,
+        force_angle=force.mount_angle_rad,
         prior=setup.prior_alpha,
     )
 
@@ -136,35 +142,61 @@ def _trials(study: Study) -> Iterator[TrialSignals]:
 
 @dataclass(frozen=True, slots=True)
 class _Module:
-    """The module's log: seconds from its first row (M,), angles (M, n), specific force (M, 2) or None."""
+    """The module's log: seconds from its first row (M,), angles (M, n), specific force (M, 2), or None."""
 
     t: Floats
-    counted: Floats
+    counted: Floats | None
     acceleration: Floats | None
     wraps: tuple[tuple[str, int, float], ...]
 
 
-def _module(device: DeviceSamples, setup: Setup) -> _Module | None:
-    if setup.encoder is None or len(device) < 100:
-        return None
-    part = longest_run(device)
-    run = DeviceSamples(**{name: getattr(device, name)[part] for name in DeviceSamples.__dataclass_fields__})
-    keep = usable_samples(run)
-    if np.count_nonzero(keep) < 100:
-        return None
-    t = run.t_us[keep].astype(np.float64) * 1e-6
-    columns, wraps = [], []
+def _module(device: ModuleSamples, setup: Setup, clock: RobotLog) -> _Module | None:
+    """The module's longest run; one without angles of its own shares the robot's clock."""
     encoder = setup.encoder
-    for joint, (per_rev, zero, direction) in enumerate(
-        zip(encoder.counts_per_rev, encoder.zero_rad, encoder.direction, strict=True)
+    counts = encoder_counts(device)
+    foreign = None if isinstance(device, DeviceSamples) else device.theta
+    if len(device) < 100 or (foreign is None and counts is not None and encoder is None):
+        return None
+    run = rows_of(device, longest_run(device))
+    run = rows_of(run, usable_samples(run))
+    if len(run) < 100:
+        return None
+    t = run.t_us.astype(np.float64) * 1e-6
+    wraps: list[tuple[str, int, float]] = []
+    counted = None
+    if foreign is not None and not isinstance(run, DeviceSamples):
+        counted = run.theta
+    elif counts is not None and encoder is not None:
+        counted = _counted(run, encoder, wraps)
+    sensor = setup.accelerometer
+    force = None
+    if sensor is not None and (sensor.reads_codes or not isinstance(run, DeviceSamples)):
+        force = specific_force(run, sensor)
+        t_felt = t - sensor.delay_s
+        force = (
+            np.stack([np.interp(t, t_felt, axis) for axis in force.T], axis=1) if sensor.delay_s else force
+        )
+    start = float(clock.t[0]) if counted is None else float(t[0])
+    return _Module(t - start, counted, force, tuple(wraps))
+
+
+def _counted(run: ModuleSamples, encoder: EncoderSetup, wraps: list[tuple[str, int, float]]) -> Floats:
+    """Angles by the counters, joined across wraps; those are noted."""
+    columns = []
+    for joint, (counter, per_rev, zero, direction) in enumerate(
+        zip(
+            encoder_counts(run) or (),
+            encoder.counts_per_rev,
+            encoder.zero_rad,
+            encoder.direction,
+            strict=False,
+        )
     ):
-        counts = unwrap_counts((run.enc1, run.enc2)[joint])[keep].astype(np.float64)
-        whole: Unwrapped = unwrapped(counts, (*_COUNTERS, per_rev))
+        whole: Unwrapped = unwrapped(unwrap_counts(counter).astype(np.float64), (*_COUNTERS, per_rev))
         if whole.size:
             wraps.append(("module", joint, whole.size))
         columns.append(zero + direction * whole.values * (2 * np.pi / per_rev))
-    force = None if setup.accelerometer is None else specific_force(run, setup.accelerometer)[keep]
-    return _Module(t - t[0], np.stack(columns, axis=1), force, tuple(wraps))
+    return np.stack(columns, axis=1)
 
 
 def _slow(trial: Trial, setup: Setup) -> TrialSignals | None:
@@ -175,11 +207,14 @@ def _slow(trial: Trial, setup: Setup) -> TrialSignals | None:
     wholes = [unwrapped(column, _TURNS) for column in log.theta.T]
     angles = np.stack([whole.values for whole in wholes], axis=1)
     wraps = tuple(("controller", joint, whole.size) for joint, whole in enumerate(wholes) if whole.size)
-    module = None if trial.device is None else _module(trial.device, setup)
+    module = None if trial.device is None else _module(trial.device, setup, log)
     both: Match | None = None
-    if module is not None:
+    if module is not None and module.counted is not None:
         both = match(module.t, module.counted, t, angles[:, : module.counted.shape[1]])
         wraps += module.wraps
+        wraps += tuple(("module", joint, 2.0**16) for joint in trial.narrow_counters)
+    elif module is not None:
+        both = Match(0.0, 0.0, 1.0, 1.0)
     factor = 1.0 if both is None else both.factor
     begin, end = 0.0, float(t[-1]) * factor
     if both is not None and module is not None:
@@ -195,7 +230,7 @@ def _slow(trial: Trial, setup: Setup) -> TrialSignals | None:
     counted = acceleration = None
     if both is not None and module is not None:
         at = both.offset_s + (1 + both.drift) * grid
-        counted = _onto(module.t, module.counted, at)
+        counted = None if module.counted is None else _onto(module.t, module.counted, at)
         if module.acceleration is not None and angles.shape[1] == 2:
             acceleration = _onto(module.t, module.acceleration, at)
     return TrialSignals(
@@ -250,14 +285,9 @@ def unbroken(log: RobotLog) -> RobotLog:
     edges = np.concatenate([[0], jumps(log), [len(log)]])
     longest = int(np.argmax(np.diff(edges)))
     part = slice(int(edges[longest]), int(edges[longest + 1]))
-    return RobotLog(
-        t=log.t[part],
-        theta=log.theta[part],
-        tau=log.tau[part],
-        force=None if log.force is None else log.force[part],
-        perturbation=None if log.perturbation is None else log.perturbation[part],
-        sync=None if log.sync is None else log.sync[part],
-    )
+    names = ("t", "theta", "tau", "force", "perturbation", "sync")
+    columns = {name: own for name in names if (own := getattr(log, name)) is not None}
+    return replace(log, **{name: own[part] for name, own in columns.items()})
 
 
 def _onto(t: Floats, values: Floats, grid: Floats) -> Floats:

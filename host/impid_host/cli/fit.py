@@ -93,6 +93,12 @@ REFLEX = "load.delay"
     "--saved-robot", is_flag=True, help="With --model: its robot parameters, even if trials are free."
 )
 @click.option(
+    "--save-model",
+    type=click.Path(path_type=Path, dir_okay=False),
+    metavar="FILE",
+    help="Write robot and loads as a model without effects, for `impid-host judge`.",
+)
+@click.option(
     "--physical", is_flag=True, help="Also give the robot's links inertias that a body can have (URDF)."
 )
 @click.option("--constrain", is_flag=True, help="Also give M and K of arms symmetric and positive definite.")
@@ -116,6 +122,7 @@ def command(
     validate: float,
     model_file: Path | None,
     saved_robot: bool,
+    save_model: Path | None,
     physical: bool,
     constrain: bool,
     limb: tuple[float, float] | None,
@@ -138,10 +145,13 @@ def command(
       impid-host fit panda/ --with friction.coulomb --with actuator.offset --physical
       impid-host fit arm_study/ --constrain --limb 0.30,0.33 --shoulder 0.37,-0.50
       impid-host fit next_study/ --model model.json
+      impid-host fit study/ --save-model plain.json
       impid-host fit ankle/ --with load.delay --cutoff 40 --validate 20
       impid-host fit emps/ --chain emps --with friction.coulomb --with actuator.offset --validate 0
     """
     geometry = _limb(limb, shoulder, side)
+    if save_model is not None and model_file is not None:
+        raise click.UsageError("--save-model writes a model without effects: leave --model out")
     study = load_inputs(paths, robot_log, setup)
     row = _chain(study, chain, cutoff)
     own_terms = tuple(term for term in terms if term != REFLEX)
@@ -156,6 +166,7 @@ def command(
             from impid_host.report.fit_figures import draw_study  # noqa: PLC0415  (matplotlib is slow to import)
 
             drawn = f"{len(draw_study(answer.result, figures))} figures in {figures}"
+    _save(save_model, answer.result, study, options)
     handle = study.setup.handle_mass_kg
     arms = [fit for fit in answer.result.loads if fit.model.name == "arm" and len(fit.model.axes) == 2]
     extras = _Extras(
@@ -264,6 +275,17 @@ def _chain(study: Study, name: str, cutoff: float | None) -> Chain:
     if cutoff is not None:
         return CHAINS[name].with_cutoff(cutoff)
     return default_chain(study) if name == DEFAULT.name else CHAINS[name]
+
+
+def _save(path: Path | None, result: StudyFit, study: Study, options: Options) -> None:
+    """The model as it was fitted, and the textbook's on the same aligned data."""
+    if path is None:
+        return
+    from impid_host.diagnosis.saved import fit_json as model_json  # noqa: PLC0415  (the catalogue is slow to import)
+    from impid_host.diagnosis.saved import write_model  # noqa: PLC0415
+    from impid_host.diagnosis.textbook import textbook_fit  # noqa: PLC0415
+
+    write_model(model_json(result, study, textbook_fit(study, result, options)), path)
 
 
 def _write(text: str, to: str) -> None:

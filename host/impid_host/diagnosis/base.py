@@ -52,7 +52,7 @@ class Base:
 
     def columns(self, view: View) -> Columns:
         """tau = Y alpha + J^T A lambda, and -F of a force sensor = A lambda: family -> (N, c, size)."""
-        Y = replace(self.structure, model=view.model).regressor(view.theta, view.omega, view.acc)
+        Y = replace(self.structure, model=view.model).regressor(view.theta, view.omega, view.acc, view.dt)
         torque = np.zeros((*Y.shape[:2], self.size))
         if not self.bare:
             torque[:, :, : Y.shape[2]] = Y
@@ -82,9 +82,7 @@ class Base:
         response = respond(view)
         torque = response["torque"]
         alpha = value[: self.robot]
-        return replace(
-            view, torque_model=torque, x0=x0, K=K, respond=respond, response=response, alpha=alpha
-        )
+        return replace(view, torque_model=torque, x0=x0, K=K, respond=respond, response=response, alpha=alpha)
 
 
 def equilibrium(load: LoadModel, value: Floats) -> tuple[Floats, Floats]:
@@ -117,9 +115,17 @@ TEXTBOOK = ("friction.coulomb", "actuator.offset")
 """What a textbook's model holds beside inertia, gravity and viscous friction, per joint."""
 
 
+def textbook_structure(model: RobotModel) -> RobotStructure:
+    """Inertia, gravity, viscous and dry friction, offset, per joint.
+
+    An arm's setup says which way it is pulled; a single joint's does not, so its weight stands there always.
+    """
+    return replace(robot_structure(model, TEXTBOOK), gravity=model.task_is_rotary)
+
+
 def structure_of(setup: Setup, model: RobotModel) -> RobotStructure:
     """The robot's model that a diagnosis starts from."""
-    return robot_structure(model, TEXTBOOK if baseline(setup, model) == "textbook" else ())
+    return textbook_structure(model) if baseline(setup, model) == "textbook" else robot_structure(model)
 
 
 def targets(view: View) -> Mapping[str, Floats]:

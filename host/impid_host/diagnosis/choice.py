@@ -12,7 +12,7 @@ from impid_host.diagnosis.refit import refit
 from impid_host.diagnosis.result import Chosen, Evidence, Rival
 from impid_host.diagnosis.score import Explanation, difference
 from impid_host.diagnosis.search import RULES, Found, Walk, search
-from impid_host.diagnosis.table import Table, drop, projected, residuals
+from impid_host.diagnosis.table import Table, residuals, swept
 from impid_host.diagnosis.ties import chosen_slots
 from impid_host.effects.effect import Term
 
@@ -107,10 +107,7 @@ def _is_large(found: Found, s: int) -> bool:
     table = found.table
     rest = table.columns([o for o in found.best.slots if o != s])
     per_channel = table.rows / max(len({run.key for run in table.runs}), 1)
-    return (
-        table.term(s).named
-        and drop(projected(table.G, rest), table.G, table.slots[s].columns) > _LARGE * per_channel
-    )
+    return table.term(s).named and swept(table.G, rest).drop(table.slots[s].columns) > _LARGE * per_channel
 
 
 def _in_table(found: Found, parts: Sequence[Chosen]) -> Found:
@@ -168,9 +165,9 @@ def evidence_of(choice: Choice, before: Sequence[int], s: int) -> Evidence:
     """
     table, walk = choice.table, choice.walk
     columns = table.columns(before)
-    P = projected(table.G, columns)
-    excess = max(float(P[0, 0]) - table.rows, 1.0)
-    less = drop(P, table.G, table.slots[s].columns)
+    open_part = swept(table.G, columns)
+    excess = max(open_part.left - table.rows, 1.0)
+    less = open_part.drop(table.slots[s].columns)
     rest = walk.score(tuple(o for o in choice.best.slots if o != s))
     by = difference(choice.best, rest)
     return Evidence(

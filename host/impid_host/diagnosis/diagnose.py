@@ -18,6 +18,7 @@ from impid_host.diagnosis.refit import Refit
 from impid_host.diagnosis.result import Chosen, Diagnosis, Evidence, Floor, Stage, Structure
 from impid_host.diagnosis.stages import Bench, named_stages, unattributed
 from impid_host.diagnosis.ties import chosen_slots
+from impid_host.diagnosis.tolerance import with_tolerance
 from impid_host.diagnosis.traces import traces
 from impid_host.diagnosis.verdict import sentence
 from impid_host.effects.bounds import possible
@@ -49,6 +50,10 @@ def diagnose(study: Study, progress: Progress = silent) -> Diagnosis:
         stages, last = stages[:1], bench.fit([])
         verdict = replace(verdict, open_slots=(), covering=None, ties=())
     stages, last = with_last_stage(choice, bench, named, stages, last, left, verdict.open_slots)
+    widest = with_tolerance(
+        stages[-1], last, case.base, case.holdout, study.setup.prior_alpha, study.setup.tolerance
+    )
+    stages = (*stages[:-1], widest)
     if verdict.covering is not None:
         final = replace(stages[-1], alpha=verdict.covering.alpha, loads=verdict.covering.loads)
         stages = (*stages[:-1], final)
@@ -68,11 +73,20 @@ def diagnose(study: Study, progress: Progress = silent) -> Diagnosis:
         told=told,
         traces=traces(bench, bench.fit([]), last),
         prismatic=all(case.base.model.prismatic),
+        textbook=bench.textbook(stages[0]),
         share_unexplained=share_unexplained(stages[0].rms, stages[-1].rms, floor),
         above_noise_floor=above,
         structure=(*left, *odd_structures(case.oddities)),
         ambiguous=verdict.ties,
-        verdict=sentence(stages, floor, verdict.ties, left, above, units={}, widened=bool(above and left)),
+        verdict=sentence(
+            stages,
+            floor,
+            verdict.ties,
+            left,
+            above,
+            units=dict.fromkeys(stages[0].rms, "N") if all(case.base.model.prismatic) else {},
+            widened=bool(above and left),
+        ),
         notes=tuple(notes),
     )
 

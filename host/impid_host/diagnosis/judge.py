@@ -18,7 +18,8 @@ _CHANCE = 1.05  # of the rms of a channel that an explanation does not touch, re
 
 
 def worse(last: Mapping[str, float], first: Mapping[str, float], stretch: float = 1.0) -> bool:
-    """Whether the model with all names predicts the sealed part worse: in total, or one channel by more than chance.
+    """Whether the model with all names predicts the sealed part worse: in total, or one channel by more
+    than chance.
 
     Args:
         stretch: by which taking the effects out scales what was measured, noise and all.

@@ -38,6 +38,9 @@ def noise_models(runs: Sequence[Run], columns: Index) -> Taps:
         target = np.concatenate([run.target for run in own])
         size = np.linalg.norm(design, axis=0)
         design = design[:, size > 0] / size[size > 0]
+        if not target.any():
+            # A joint without a drive: any parameters of zero fit it, and what it lacks is told by the others.
+            design, target = np.zeros((len(target), 0)), _by_all(runs, own)
         beta = np.linalg.lstsq(design, target, rcond=1e-8)[0] if design.shape[1] else np.zeros(0)
         residual = target - design @ beta
         lost = min(design.shape[1], len(target) // 2)
@@ -45,6 +48,15 @@ def noise_models(runs: Sequence[Run], columns: Index) -> Taps:
         cuts = np.cumsum([len(run.target) for run in own])[:-1]
         taps[key] = autoregression(np.split(residual * inflate, cuts))
     return taps
+
+
+def _by_all(runs: Sequence[Run], own: Sequence[Run]) -> Floats:
+    """What the base model, fitted to all channels together, leaves of some of them, (N,)."""
+    base = np.concatenate([run.base for run in runs])
+    target = np.concatenate([run.target for run in runs])
+    size = np.linalg.norm(base, axis=0) + 1e-300
+    value = np.linalg.lstsq(base / size, target, rcond=1e-10)[0] / size
+    return np.concatenate([run.target - run.base @ value for run in own])
 
 
 def whitened(runs: Sequence[Run], taps: Taps) -> list[Run]:

@@ -20,7 +20,7 @@ from impid_host.study.model import Setup, Study, Trial
 
 VIEW_RATE_HZ = 250.0
 _OPEN_S = 0.1
-_OF_RATE = 0.4  # of the slower log: above, it says nothing
+HIGHEST_OF_RATE = 0.4  # of the slower log: above, it says nothing
 _WIDE = ZeroPhaseLowPass(order=4, cutoff_hz=60.0)
 
 
@@ -40,7 +40,7 @@ def views(study: Study, model: RobotModel) -> tuple[list[View], list[Oddity]]:
         bad, found = odd_rows(trial.name, robot_rows(trial.robot))
         result.append(view_of(trial, study.setup, model, bad))
         oddities += found
-    cutoff = min(band_hz(result), *(_OF_RATE * view.meeting_hz for view in result))
+    cutoff = min(band_hz(result), *(HIGHEST_OF_RATE * view.meeting_hz for view in result))
     if model.task_is_rotary:
         cutoff = quick_band_hz(result)
         report = max(PUBLISHED_CUTOFF_HZ, cutoff if cutoff > WIDEST_HZ else 0.0)
@@ -130,7 +130,7 @@ def setting_of(parts: Sequence[View], base: Base, *, referenced: bool) -> Settin
         axes=len(model.task_axes),
         rotary_load=model.task_is_rotary,
         bare=base.bare,
-        gravity=model.has_gravity,
+        gravity=model.has_gravity or base.structure.gravity,
         links_m=model.link_lengths_m,
         span=np.maximum(np.ptp(theta, axis=0), 1e-6),
         speed=np.maximum(np.percentile(omega, 95, axis=0), 1e-6),

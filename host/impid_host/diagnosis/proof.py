@@ -30,7 +30,12 @@ from impid_host.signals.arrays import Floats
 from impid_host.signals.chain import DEFAULT, PUBLISHED_CUTOFF_HZ, Chain
 
 Numbers = tuple[
-    Number, Mapping[str, Mapping[str, Number]], dict[str, float], dict[str, float], tuple[str, ...]
+    Number,
+    Mapping[str, Mapping[str, Number]],
+    dict[str, float],
+    dict[str, float],
+    tuple[str, ...],
+    Mapping[str, Floats],
 ]
 
 
@@ -104,7 +109,7 @@ def report(
     prior: Sequence[float] | None,
     covariance: Floats | None = None,
 ) -> Numbers:
-    """alpha, loads, validation rms and VAF, and what alpha's entries are, with the chosen effects taken out.
+    """alpha, loads, validation rms and VAF, names of alpha, and values of the loads, effects taken out.
 
     Args:
         covariance: (k, k) of all effects' parameters, for the intervals of alpha and the loads; None: known
@@ -129,7 +134,8 @@ def report(
         for name, load in base.loads
     }
     names = base.structure.parameter_names if fit.alpha is None else fit.alpha.names
-    return _alpha_number(fit), loads, rms, vaf, names
+    values = {name: estimate.value for name, estimate in fit.loads.items()}
+    return _alpha_number(fit), loads, rms, vaf, names, values
 
 
 @dataclass(frozen=True, slots=True)

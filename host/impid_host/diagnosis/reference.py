@@ -44,7 +44,8 @@ def reference_run(base: Base, study: Study) -> Run | None:
     for k, (column, _, sd) in enumerate(rows):
         design[k, column] = 1.0 / sd
     none = np.zeros(0, dtype=np.intp)
-    return Run("", REFERENCE, 0, FIT, 0.0, 0.0, target, design, none, np.zeros((len(rows), 0)))
+    nothing = np.zeros((len(rows), 0), dtype=np.float32)
+    return Run("", REFERENCE, 0, FIT, 0.0, 0.0, target, design, none, nothing)
 
 
 def _payload_rows(

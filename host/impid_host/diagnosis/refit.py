@@ -38,7 +38,8 @@ class Refit:
         chosen: with their values.
         covariance: (k, k) of all effects' parameters in order, see parameters.vector_of.
         base: value of the robot's and the loads' parameters, (b,).
-        deviance: -2 log likelihood with each channel's noise level its own, in the units of the logs as they were
+        deviance: -2 log likelihood with each channel's noise level its own, in the units of the logs as
+        they were
             measured, up to a constant.
     """
 
@@ -192,20 +193,27 @@ def _block(run: Run) -> Floats:
 def _base_value(rows: _Rows) -> tuple[Floats, float]:
     """Value of the base model (b,) at these effects, and the sum of squares that it leaves."""
     size = np.linalg.norm(rows.base, axis=0) + 1e-300
-    Q, R = np.linalg.qr(rows.base / size)
-    value: Floats = np.linalg.lstsq(R, Q.T @ rows.target, rcond=1e-10)[0] / size
+    R, projection = _triangle(rows.base / size, rows.target)
+    value: Floats = np.linalg.lstsq(R, projection, rcond=1e-10)[0] / size
     return value, float(np.sum((rows.target - rows.base @ value) ** 2))
 
 
+def _triangle(design: Floats, target: Floats) -> tuple[Floats, Floats]:
+    """R (k, k) and Q^T target (k,) of the design's QR decomposition, without Q."""
+    k = design.shape[1]
+    whole: Floats = np.asarray(np.linalg.qr(np.column_stack([design, target]), mode="r"), dtype=np.float64)
+    return whole[:k, :k], whole[:k, k]
+
+
 def _solved(rows: _Rows) -> tuple[Floats, Floats, Floats]:
-    """Step of the effects' parameters (k,), their covariance (k, k) with the base free, base value (b,)."""
+    """Step of the effects (k,), their covariance (k, k) with robot and loads free, base value (b,)."""
     J = np.hstack([rows.base, rows.slopes])
     size = np.linalg.norm(J, axis=0)
     size = np.where(size > 0, size, 1.0)
-    Q, R = np.linalg.qr(J / size)
+    R, projection = _triangle(J / size, rows.target)
     inverse = np.linalg.pinv(R, rcond=1e-10)
-    found = inverse @ (Q.T @ rows.target) / size
-    left = rows.target - Q @ (Q.T @ rows.target)
+    found = inverse @ projection / size
+    left = rows.target - J @ found
     count, width = J.shape
     bread = inverse @ inverse.T
     plain = bread * float(left @ left) / max(count - width, 1)

@@ -99,6 +99,8 @@ class Stage:
         rms, vaf: by channel, N m, N and %.
         alpha: the robot; loads: by load, M, B, K, x0.
         parts: of a load's interval, by load, quantity and cause ("noise", "link lengths", ...): half widths.
+        chosen: the effects of this stage with the values that its own fit gave them.
+        load_values: by load, what its regressor is multiplied with, (q,).
     """
 
     added: Finding | None
@@ -108,6 +110,8 @@ class Stage:
     alpha_names: tuple[str, ...]
     loads: Mapping[str, Mapping[str, Number]]
     parts: Mapping[str, Mapping[str, Mapping[str, Floats]]] = field(default_factory=dict)
+    chosen: tuple[Chosen, ...] = ()
+    load_values: Mapping[str, Floats] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)
@@ -208,6 +212,7 @@ class Diagnosis:
         above_noise_floor: None where no floor is known.
         notes: what a reader must know: no accelerometer, trials left out.
         traces: residuals, to look at; prismatic: torques are forces, angles are places.
+        textbook: the textbook's model on the same data; None where they do not determine it.
     """
 
     study: str
@@ -225,6 +230,7 @@ class Diagnosis:
     told: Floor = Floor({}, {}, {})
     traces: tuple[Trace, ...] = ()
     prismatic: bool = False
+    textbook: Stage | None = None
 
 
 def as_array(value: Plain) -> Floats:

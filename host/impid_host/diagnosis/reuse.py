@@ -1,6 +1,6 @@
 """A model found on one study, used on another: its effects taken out of the signals in which they act."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Container, Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,7 +13,8 @@ from impid_host.diagnosis.parameters import at, count_of, vector_of
 from impid_host.diagnosis.prepare import setting_of, views
 from impid_host.diagnosis.proof import aligned
 from impid_host.diagnosis.result import Chosen
-from impid_host.diagnosis.saved import SavedEffect, SavedModel, file_hashes
+from impid_host.diagnosis.saved import SavedModel, file_hashes
+from impid_host.diagnosis.saved_parts import SavedEffect
 from impid_host.effects.catalogue import CATALOGUE, terms
 from impid_host.effects.effect import Term
 from impid_host.effects.view import Columns, View
@@ -79,16 +80,16 @@ def fit_with_model(
         UndeterminedError: as `fit`.
     """
     model = robot_model(study.setup.robot)
-    require_same_robot(saved, study, len(model.parameter_names))
+    require_same_robot(saved, study)
     progress("aligning")
     parts, _ = views(study, model)
     if options.acceleration == "angles":
         parts = [replace(view, measured=None, predicted=None) for view in parts]
     base = base_of(parts, structure_of(study.setup, model), prior=True)
-    chosen, left_out = carried(saved, parts, base)
+    chosen, left_out = carried(saved.effects, saved.loads, parts, base)
     known = None
     if keep_robot or all(view.load is not None for view in parts):
-        structure = robot_structure(model, options.terms)
+        structure = robot_structure(model, options.terms) if options.terms else saved.structure.of(model)
         known = _saved_robot(saved, structure.parameter_names)
         robot = RobotParameters(structure, known[0], known[1], "saved model")
     origin = "the saved model" if known is not None else "this study's own trials"
@@ -113,7 +114,7 @@ def fit_with_model(
     )
 
 
-def require_same_robot(saved: SavedModel, study: Study, parameters: int) -> None:
+def require_same_robot(saved: SavedModel, study: Study) -> None:
     """Raises InputError where the model is of another robot than the study."""
     own = study.setup.robot
     remedy = "use a model found on this robot (`impid-host diagnose STUDY --save-model`)"
@@ -122,50 +123,62 @@ def require_same_robot(saved: SavedModel, study: Study, parameters: int) -> None
     if saved.link_lengths_m and not np.allclose(saved.link_lengths_m, own.link_lengths_m, rtol=1e-6):
         told = f"{list(saved.link_lengths_m)} m, the study's {list(own.link_lengths_m)} m"
         raise InputError(saved.path, f"is of a robot with links of {told}", remedy)
-    if len(saved.alpha) != parameters:
-        what = f"has {len(saved.alpha)} robot parameters, this robot needs {parameters}"
+    needed = len(saved.structure.of(robot_model(own)).parameter_names)
+    if len(saved.alpha) != needed:
+        what = f"has {len(saved.alpha)} robot parameters, this robot needs {needed}"
         raise InputError(saved.path, what, remedy)
 
 
-def carried(saved: SavedModel, parts: Sequence[View], base: Base) -> tuple[list[Chosen], list[str]]:
-    """The saved effects as parts of a model on these views, and those that are not carried over, with why."""
+def carried(
+    effects: Sequence[SavedEffect], loads: Iterable[str], parts: Sequence[View], base: Base
+) -> tuple[list[Chosen], list[str]]:
+    """The saved effects as parts of a model on these views, and those that are not carried over, with why.
+
+    Args:
+        loads: on which they were found.
+    """
     tried = terms(setting_of(parts, base, referenced=True))
+    again = {name for name, _ in base.loads} & set(loads)
     chosen, left_out = [], []
-    for row in saved.effects:
-        reason = _obstacle(row, saved, base, tried)
-        if reason is not None:
-            left_out.append(f"{row.label}: {reason}")
-            continue
-        term = next(c for c in tried if _is(c, row))
-        chosen.append(Chosen(_among(term, saved.loads), row.shape, row.beta, row.covariance))
+    for row in effects:
+        part = _carried(row, tried, again)
+        if isinstance(part, str):
+            left_out.append(f"{row.label}: {part}")
+        else:
+            chosen.append(replace(part, term=_among(part.term, again)))
     return chosen, left_out
 
 
-def _obstacle(row: SavedEffect, saved: SavedModel, base: Base, tried: Sequence[Term]) -> str | None:
+def belongs_to_record(row: SavedEffect, loads: Container[str]) -> bool:
+    """Whether another record has another value of it: an offset, a zero, what differs from trial to trial."""
+    return CATALOGUE[row.effect].carries == "record" or any(name not in loads for name in row.own)
+
+
+def _carried(row: SavedEffect, tried: Sequence[Term], again: Collection[str]) -> Chosen | str:
+    """The saved effect in these views, or why it is not there."""
     effect = CATALOGUE.get(row.effect)
     if effect is None:
         return "this version of impid does not know it"
     if effect.carries == "record":
         return "it belongs to the recording in which it was found"
-    own = {name for name, _ in base.loads}
-    if effect.acts_on == "load" and not own & set(saved.loads):
+    if effect.acts_on == "load" and not again:
         return "it belongs to a load that is not in this study"
-    found = [term for term in tried if _is(term, row)]
-    if not found:
-        return "this study's instruments do not show it"
-    return None if found[0].size == len(row.beta) else "this version of impid describes it otherwise"
+    term = matching(row, tried)
+    return "this study's instruments do not show it" if term is None else _with_values(row, term)
 
 
-def _is(term: Term, row: SavedEffect) -> bool:
-    return (term.effect, term.where, term.variant, term.when) == (
-        row.effect,
-        row.where,
-        row.variant,
-        row.when,
-    )
+def _with_values(row: SavedEffect, term: Term) -> Chosen | str:
+    if not row.own:
+        fits = term.size == len(row.beta)
+        reason = "this version of impid describes it otherwise"
+        return Chosen(term, row.shape, row.beta, row.covariance) if fits else reason
+    beta = _of_the_same(row, term)
+    if beta is None:
+        return "each trial has its own value of it"
+    return Chosen(term, row.shape, beta, np.zeros((len(beta), len(beta))))
 
 
-def _among(term: Term, loads: Sequence[str]) -> Term:
+def _among(term: Term, loads: Container[str]) -> Term:
     """An effect of a load acts in trials of the loads on which it was found, and in no other."""
     if CATALOGUE[term.effect].acts_on != "load":
         return term
@@ -175,6 +188,23 @@ def _among(term: Term, loads: Sequence[str]) -> Term:
         return inner(view, shape) if view.load in loads else {}
 
     return replace(term, columns=columns)
+
+
+def matching(row: SavedEffect, tried: Sequence[Term]) -> Term | None:
+    """The term that the saved effect is, acting in the trials in which it was found to act."""
+    for term in tried:
+        if (term.effect, term.where, term.variant) == (row.effect, row.where, row.variant):
+            return replace(term, when=row.when)  # type: ignore[arg-type]
+    return None
+
+
+def _of_the_same(row: SavedEffect, term: Term) -> Floats | None:
+    """The values of those trials or loads that are there again, zeros of the others; None where none is."""
+    width = len(row.beta) // len(row.own)
+    if not term.own or width * len(term.own) != term.size or not set(term.own) & set(row.own):
+        return None
+    known = dict(zip(row.own, row.beta.reshape(len(row.own), width), strict=True))
+    return np.concatenate([known.get(name, np.zeros(width)) for name in term.own])
 
 
 def cleaned_trials(parts: Sequence[View], chosen: Sequence[Chosen], base: Base) -> list[AlignedTrial]:

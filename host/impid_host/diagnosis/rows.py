@@ -38,7 +38,8 @@ class Run:
     Attributes:
         begin_s: time of the first row; step_s: between rows.
         target: (N,); base: columns of the base model, (N, p).
-        used: which columns of the terms are not zero here, (k,), rising; design: those, (N, k), in single precision:
+        used: which columns of the terms are not zero here, (k,), rising; design: those, (N, k), in single
+        precision:
             a column is never told from another by its seventh digit.
     """
 
@@ -178,7 +179,7 @@ def _used(
     places, parts = [], []
     for first, block in blocks:
         own = block[:, channel]
-        alive = np.flatnonzero(np.any(own != 0, axis=0))
+        alive = np.flatnonzero(own.any(axis=0))
         if len(alive):
             places.append(first + alive)
             parts.append(own[:, alive])
@@ -237,6 +238,12 @@ def mapped(runs: Sequence[Run], change: Callable[[Run, Floats], Floats]) -> list
             lost = len(run.target) - len(Z)
             begin = run.begin_s + lost * run.step_s
             result.append(
-                replace(run, begin_s=begin, target=Z[:, 0], base=Z[:, 1 : 1 + p], design=Z[:, 1 + p :].astype(np.float32))
+                replace(
+                    run,
+                    begin_s=begin,
+                    target=Z[:, 0],
+                    base=Z[:, 1 : 1 + p],
+                    design=Z[:, 1 + p :].astype(np.float32),
+                )
             )
     return result

@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -10,9 +11,26 @@ import numpy as np
 from pydantic import Field
 
 from impid_host import __version__
-from impid_host.diagnosis.result import Chosen, Diagnosis, Number
+from impid_host.diagnosis.base import structure_of, textbook_structure
+from impid_host.diagnosis.result import Diagnosis, Number
+from impid_host.diagnosis.saved_parts import (
+    EffectTable,
+    SavedEffect,
+    SavedStage,
+    SavedStructure,
+    StageTable,
+    StructureTable,
+    part_json,
+    stage_json,
+    structure_json,
+    values_json,
+)
 from impid_host.effects.effect import UNATTRIBUTED
-from impid_host.errors import InputError
+from impid_host.errors import InputError, UndeterminedError
+from impid_host.impedance.campaign import StudyFit
+from impid_host.impedance.identify import LoadFit, RobotFit
+from impid_host.robot.model import robot_model
+from impid_host.robot.terms import RobotStructure
 from impid_host.signals.arrays import Floats
 from impid_host.study.model import Study
 from impid_host.study.toml_file import Table, validate
@@ -22,39 +40,16 @@ FORMAT = "impid-model/1"
 
 
 @dataclass(frozen=True, slots=True)
-class SavedEffect:
-    """One part of an effect in the model: a candidate of the catalogue and its parameters.
-
-    Attributes:
-        when: in which trials it acts; own: trials or loads that have a value each.
-        beta: (q,); shape: the non-linear parameter.
-        covariance: of beta, and the shape where that was fitted, (k, k).
-    """
-
-    effect: str
-    where: tuple[str, ...]
-    variant: str
-    when: str
-    own: tuple[str, ...]
-    shape: float
-    beta: Floats
-    covariance: Floats
-
-    @property
-    def label(self) -> str:
-        """`name@place`."""
-        return f"{self.effect}@{'+'.join(self.where)}"
-
-
-@dataclass(frozen=True, slots=True)
 class SavedModel:
-    """What `diagnose --save-model` wrote.
+    """What `diagnose --save-model` or `fit --save-model` wrote.
 
     Attributes:
         study: on which it was found; data_sha256: hashes of that study's files, by path within it.
         robot: the model's name; link_lengths_m, gravity_m_s2: of setup.toml.
         alpha: (p,); covariance: (p, p).
         loads: names of the loads.
+        structure: what alpha is multiplied with.
+        stages: the first model and one effect more at each; textbook: that model on the same data, or None.
     """
 
     path: Path
@@ -69,6 +64,9 @@ class SavedModel:
     covariance: Floats
     loads: tuple[str, ...]
     effects: tuple[SavedEffect, ...]
+    structure: SavedStructure
+    stages: tuple[SavedStage, ...]
+    textbook: SavedStage | None
 
 
 def model_json(diagnosis: Diagnosis, study: Study) -> Json:
@@ -77,27 +75,95 @@ def model_json(diagnosis: Diagnosis, study: Study) -> Json:
     last = named[-1]
     alpha = last.alpha
     effects = [
-        {"effect": stage.added.effect, "parts": [_part(part) for part in stage.added.parts]}
+        {"effect": stage.added.effect, "parts": [part_json(part) for part in stage.added.parts]}
         for stage in named
         if stage.added is not None
     ]
+    model = robot_model(study.setup.robot)
+    structure, textbook = structure_of(study.setup, model), diagnosis.textbook
+    # Where the robot is given, the first model stands for the textbook's too.
+    given = textbook is not None and len(textbook.alpha.value) == len(structure.parameter_names)
+    plain = structure if given else textbook_structure(model)
     return {
-        "format": FORMAT,
-        "made_by": f"impid {__version__}",
-        "study": diagnosis.study,
-        "fitted_on": list(diagnosis.fit_trials),
-        "data_sha256": {} if study.source is None else file_hashes(study.source),
+        **_head(study, diagnosis.fit_trials),
         "robot": {
-            "model": study.setup.robot.model,
-            "link_lengths_m": list(study.setup.robot.link_lengths_m),
-            "gravity_m_s2": list(study.setup.robot.gravity_m_s2),
-            "names": list(last.alpha_names),
-            "alpha": alpha.value.tolist(),
+            **_robot(study, structure, last.alpha_names, alpha.value),
             "ci95": alpha.ci95.tolist(),
             "covariance": (np.zeros(0) if alpha.covariance is None else alpha.covariance).tolist(),
         },
         "loads": {name: {key: _number(n) for key, n in load.items()} for name, load in last.loads.items()},
         "effects": effects,
+        "stages": [stage_json(stage, structure) for stage in named],
+        "textbook": None if textbook is None else stage_json(textbook, plain),
+    }
+
+
+def fit_json(fit: StudyFit, study: Study, textbook: StudyFit | None) -> Json:
+    """A fit's model without effects, and the textbook's on the same data.
+
+    Raises:
+        UndeterminedError: the fit found no robot.
+    """
+    robot = fit.robot.parameters if isinstance(fit.robot, RobotFit) else fit.robot
+    if robot.origin == "unknown":
+        raise UndeterminedError(f"study {study.name}: its robot is unknown, so there is no model to save")
+    structure = robot.structure
+    sd = np.sqrt(np.maximum(np.diag(robot.covariance), 0.0))
+    numbers = {load.load: _matrices(load) for load in fit.loads}
+    plain = None if textbook is None else _values(textbook)
+    return {
+        **_head(study, [trial.name for trial in fit.trials]),
+        "robot": {
+            **_robot(study, structure, structure.parameter_names, robot.value),
+            "ci95": np.stack([robot.value - _NORMAL * sd, robot.value + _NORMAL * sd], axis=1).tolist(),
+            "covariance": robot.covariance.tolist(),
+        },
+        "loads": numbers,
+        "effects": [],
+        "stages": [_values(fit)],
+        "textbook": plain,
+    }
+
+
+_NORMAL = 1.959964
+
+
+def _values(fit: StudyFit) -> Json:
+    """Robot and loads of a fit; of a load that both methods give, the virtual sensor's comes first."""
+    robot = fit.robot.parameters if isinstance(fit.robot, RobotFit) else fit.robot
+    loads: dict[str, Floats] = {}
+    for load in fit.loads:
+        loads.setdefault(load.load, load.estimate.value)
+    return values_json(robot.structure, robot.value, loads)
+
+
+def _matrices(load: LoadFit) -> Json:
+    quantities = {"M": load.M, "B": load.B, "K": load.K, "x0": load.x0}
+    return {
+        name: {"value": q.value.tolist(), "ci95": q.ci95.tolist(), "unit": q.unit}
+        for name, q in quantities.items()
+        if q is not None
+    }
+
+
+def _head(study: Study, trials: Sequence[str]) -> Json:
+    return {
+        "format": FORMAT,
+        "made_by": f"impid {__version__}",
+        "study": study.name,
+        "fitted_on": list(trials),
+        "data_sha256": {} if study.source is None else file_hashes(study.source),
+    }
+
+
+def _robot(study: Study, structure: RobotStructure, names: Sequence[str], alpha: Floats) -> Json:
+    return {
+        "model": study.setup.robot.model,
+        "link_lengths_m": list(study.setup.robot.link_lengths_m),
+        "gravity_m_s2": list(study.setup.robot.gravity_m_s2),
+        "names": list(names),
+        "alpha": alpha.tolist(),
+        "structure": structure_json(structure),
     }
 
 
@@ -107,29 +173,23 @@ def save_model(diagnosis: Diagnosis, study: Study, path: Path) -> None:
     Raises:
         InputError: the file cannot be written.
     """
+    write_model(model_json(diagnosis, study), path)
+
+
+def write_model(document: Json, path: Path) -> None:
+    """Write a model, replacing an earlier one in one step.
+
+    Raises:
+        InputError: the file cannot be written.
+    """
     draft = path.with_name(path.name + ".part")
     try:
-        draft.write_text(json.dumps(model_json(diagnosis, study), indent=2) + "\n", encoding="utf-8")
+        draft.write_text(json.dumps(document, indent=2) + "\n", encoding="utf-8")
         draft.replace(path)
     except OSError as error:
         raise InputError(
             path, f"cannot be written ({error.strerror})", "check path and permissions"
         ) from None
-
-
-class _Part(Table):
-    where: list[str]
-    variant: str = ""
-    when: str = "all"
-    own: list[str] = Field(default_factory=list)
-    shape: float
-    beta: list[float] = Field(min_length=1)
-    covariance: list[list[float]]
-
-
-class _Effect(Table):
-    effect: str
-    parts: list[_Part]
 
 
 class _Robot(Table):
@@ -140,6 +200,7 @@ class _Robot(Table):
     alpha: list[float]
     ci95: list[list[float]] = Field(default_factory=list)
     covariance: list[list[float]] = Field(default_factory=list)
+    structure: StructureTable = Field(default_factory=StructureTable)
 
 
 class _ModelFile(Table):
@@ -150,7 +211,9 @@ class _ModelFile(Table):
     data_sha256: dict[str, str] = Field(default_factory=dict)
     robot: _Robot
     loads: dict[str, Any] = Field(default_factory=dict)
-    effects: list[_Effect]
+    effects: list[EffectTable]
+    stages: list[StageTable] = Field(default_factory=list)
+    textbook: StageTable | None = None
 
 
 def read_model(path: Path) -> SavedModel:
@@ -175,20 +238,7 @@ def read_model(path: Path) -> SavedModel:
     robot = file.robot
     size = len(robot.alpha)
     covariance = np.array(robot.covariance) if robot.covariance else np.zeros((size, size))
-    effects = tuple(
-        SavedEffect(
-            row.effect,
-            tuple(part.where),
-            part.variant,
-            part.when,
-            tuple(part.own),
-            part.shape,
-            np.array(part.beta),
-            _square(path, row.effect, part),
-        )
-        for row in file.effects
-        for part in row.parts
-    )
+    effects = tuple(part for row in file.effects for part in row.read(path))
     if covariance.shape != (size, size) or len(robot.names) != size:
         raise InputError(path, "robot: names, alpha and covariance differ in size", remedy)
     return SavedModel(
@@ -204,14 +254,10 @@ def read_model(path: Path) -> SavedModel:
         covariance,
         tuple(file.loads),
         effects,
+        robot.structure.read(path),
+        tuple(stage.read(path) for stage in file.stages),
+        None if file.textbook is None else file.textbook.read(path),
     )
-
-
-def _square(path: Path, effect: str, part: _Part) -> Floats:
-    covariance = np.array(part.covariance)
-    if covariance.ndim != 2 or covariance.shape[0] != covariance.shape[1]:
-        raise InputError(path, f"{effect}: its covariance is no square matrix", "write the model again")
-    return covariance
 
 
 def file_hashes(folder: Path) -> dict[str, str]:
@@ -221,18 +267,6 @@ def file_hashes(folder: Path) -> dict[str, str]:
         place.relative_to(folder).as_posix(): hashlib.sha256(place.read_bytes()).hexdigest()
         for place in places
         if place.is_file()
-    }
-
-
-def _part(part: Chosen) -> Json:
-    return {
-        "where": list(part.term.where),
-        "variant": part.term.variant,
-        "when": part.term.when,
-        "own": list(part.term.own),
-        "shape": part.shape,
-        "beta": part.beta.tolist(),
-        "covariance": part.covariance.tolist(),
     }
 
 

@@ -6,14 +6,16 @@ compared by the sum of the differences over the blocks and its standard error (V
 Statistics and Computing 27, 2017).
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from impid_host.diagnosis.noise import log_density
-from impid_host.diagnosis.rows import REFERENCE
-from impid_host.diagnosis.table import Table, unit_grams
+from impid_host.diagnosis.rows import REFERENCE, Run
+from impid_host.diagnosis.table import Table
 from impid_host.signals.arrays import Floats
 
 _RIDGE = 1e-9
@@ -61,47 +63,104 @@ def difference(one: Explanation, other: Explanation) -> Difference:
     return Difference(one.total - other.total, se)
 
 
-def explanation(table: Table, slots: Sequence[int]) -> Explanation:
-    """The set of terms, scored."""
-    columns = table.columns(slots)
-    grams = unit_grams(table, columns)
-    p = table.runs[0].base.shape[1]
-    size = np.sqrt(np.maximum(np.einsum("uii->i", grams), 1e-300))
-    size[: 1 + p] = 1.0
-    scale = size[1 + p :]
-    grams /= np.outer(size, size)
-    density, reference = _predicted(table, grams)
-    total = grams.sum(axis=0)
-    beta = _solutions(total[None])[0][p:] / scale
-    return Explanation(tuple(slots), density, reference, beta)
+class Scorer:
+    """Scores sets of terms on one table's rows; the sums of a term are kept for the next set with it."""
+
+    def __init__(self, table: Table) -> None:
+        self._units = table.units
+        self._base = _base_grams(table)
+        self._apart = np.array([key[0] == REFERENCE for key in table.units.key])
+        self._tail = np.array([table.noise.tails[key] for key in table.units.key])
+        near = table.units.near.copy()
+        # The only rows that tell of a common factor cannot predict themselves: references always take part.
+        near[table.units.block[self._apart]] = 0.0
+        near[:, table.units.block[self._apart]] = 0.0
+        self._near = near
+        self._beside: dict[int, Floats] = {}
+        self._between: dict[tuple[int, int], Floats] = {}
+
+    def explanation(self, table: Table, slots: Sequence[int]) -> Explanation:
+        """The set of terms, scored; the table may have grown by finer shapes."""
+        grams = self._grams(table, slots)
+        p = table.runs[0].base.shape[1]
+        size = np.sqrt(np.maximum(np.einsum("uii->i", grams), 1e-300))
+        size[: 1 + p] = 1.0
+        scale = size[1 + p :]
+        grams /= np.outer(size, size)
+        density, reference = self._predicted(grams)
+        beta = _solutions(grams.sum(axis=0)[None])[0][p:] / scale
+        return Explanation(tuple(slots), density, reference, beta)
+
+    def _grams(self, table: Table, slots: Sequence[int]) -> Floats:
+        """Gram matrices of [target | base | terms], one for each unit, (U, m, m)."""
+        first = self._base.shape[1]
+        sizes = [table.term(s).size for s in slots]
+        places = first + np.concatenate([[0], np.cumsum(sizes)]).astype(int)
+        grams = np.zeros((len(self._base), places[-1], places[-1]))
+        grams[:, :first, :first] = self._base
+        for k, s in enumerate(slots):
+            own = slice(places[k], places[k + 1])
+            if s not in self._beside:
+                self._beside[s] = _sums(table, lambda run: np.column_stack([run.target, run.base]), s)
+            grams[:, :first, own] = self._beside[s]
+            grams[:, own, :first] = np.swapaxes(self._beside[s], 1, 2)
+            for j in range(k + 1):
+                pair = (slots[j], s)
+                if pair not in self._between:
+                    columns = table.columns([slots[j]])
+                    self._between[pair] = _sums(table, lambda run, c=columns: run.columns(c), s)  # type: ignore[misc]
+                other = slice(places[j], places[j + 1])
+                grams[:, other, own] = self._between[pair]
+                grams[:, own, other] = np.swapaxes(self._between[pair], 1, 2)
+        return grams
+
+    def _predicted(self, grams: Floats) -> tuple[Floats, float]:
+        units = self._units
+        by_block = np.add.reduceat(grams[units.order], units.starts, axis=0)
+        count, m = len(by_block), grams.shape[1]
+        left_out = (self._near @ by_block.reshape(count, -1)).reshape(count, m, m)
+        train = by_block.sum(axis=0) - left_out
+        weights = np.concatenate([np.ones((count, 1)), -_solutions(train)], axis=1)[units.block]
+        moved = np.matmul(grams, weights[:, :, None])[:, :, 0]
+        squares = np.maximum(np.sum(weights * moved, axis=1), 0.0)
+        each = log_density(squares, units.rows, self._tail)
+        apart = self._apart
+        density = np.bincount(units.block[~apart], weights=each[~apart], minlength=count)
+        return density[np.unique(units.block[~apart])], float(np.sum(each[apart]))
 
 
-def _predicted(table: Table, grams: Floats) -> tuple[Floats, float]:
-    units = table.units
-    apart = np.array([key[0] == REFERENCE for key in units.key])
-    by_block = np.zeros((units.blocks, *grams.shape[1:]))
-    np.add.at(by_block, units.block, grams)
-    count = units.blocks
-    near = units.near.copy()
-    # The only rows that tell of a common factor cannot predict themselves: references always take part.
-    near[units.block[apart]] = 0.0
-    near[:, units.block[apart]] = 0.0
-    train = by_block.sum(axis=0) - np.tensordot(near, by_block, axes=1)
-    weights = np.concatenate([np.ones((count, 1)), -_solutions(train)], axis=1)[units.block]
-    squares = np.maximum(np.einsum("ui,uij,uj->u", weights, grams, weights), 0.0)
-    tail = np.array([table.noise.tails[key] for key in units.key])
-    each = log_density(squares, units.rows, tail)
-    density = np.bincount(units.block[~apart], weights=each[~apart], minlength=count)
-    kept = np.unique(units.block[~apart])
-    return density[kept], float(np.sum(each[apart]))
+def _base_grams(table: Table) -> Floats:
+    """Of [target | base], one for each unit."""
+    m = 1 + table.runs[0].base.shape[1]
+    result = np.zeros((len(table.units.rows), m, m))
+    for run, (begins, places) in zip(table.runs, table.units.edges, strict=True):
+        Z = np.column_stack([run.target, run.base])
+        for place, part in zip(places, np.split(Z, begins[1:]), strict=True):
+            result[place] = part.T @ part
+    return result
+
+
+def _sums(table: Table, left: Callable[[Run], Floats], slot: int) -> Floats:
+    """Sums of products of some columns with a slot's, by unit, (U, l, q)."""
+    columns = table.columns([slot])
+    parts: list[Floats] = []
+    for run, (begins, _) in zip(table.runs, table.units.edges, strict=True):
+        A = left(run)
+        if not np.isin(columns, run.used, assume_unique=True).any():
+            parts.append(np.zeros((len(begins), A.shape[1], len(columns))))
+            continue
+        products = A[:, :, None] * run.columns(columns)[:, None, :]
+        parts.append(np.add.reduceat(products, begins, axis=0))
+    return np.concatenate(parts)
 
 
 def _solutions(grams: Floats) -> Floats:
-    """Least-squares coefficients of Gram matrices (B, m, m), target first in rows and columns: (B, m - 1)."""
+    """Coefficients by each Gram matrix (B, m, m), first row and column the target's, (B, m - 1)."""
     A, b = grams[:, 1:, 1:].copy(), grams[:, 1:, :1]
     if A.shape[1] == 0:
         return np.zeros((len(A), 0))
-    diagonal = np.einsum("bii->bi", A)
+    diagonal: NDArray[np.floating[Any]] = np.einsum("bii->bi", A)
     # A column without data in the training part stays out of it: nothing is claimed there.
-    diagonal += _RIDGE * np.maximum(diagonal.mean(axis=1, keepdims=True), 1e-12)
-    return np.asarray(np.linalg.solve(A, b)[:, :, 0], dtype=np.float64)
+    diagonal[...] += _RIDGE * np.maximum(diagonal.mean(axis=1, keepdims=True), 1e-12)
+    result: Floats = np.linalg.solve(A, b)[:, :, 0]
+    return result

@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from impid_host.diagnosis.rows import Key
-from impid_host.diagnosis.score import Explanation, difference, explanation
-from impid_host.diagnosis.table import Table, drop, projected, residuals
+from impid_host.diagnosis.score import Explanation, Scorer, difference
+from impid_host.diagnosis.table import Table, residuals, swept
 from impid_host.effects.bounds import negligible, of_machine, possible
 from impid_host.effects.effect import Term
 from impid_host.signals.arrays import Floats
@@ -82,7 +82,8 @@ def search(
     """Search from the base model with the `given` slots, which stay in whatever happens.
 
     Args:
-        sometimes: there are free and loaded trials, so that an effect of the machine may be in some of them only.
+        sometimes: there are free and loaded trials, so that an effect of the machine may be in some of
+        them only.
     """
     walk = Walk(table, tuple(given), rules, sometimes=sometimes)
     beam = [walk.score(())]
@@ -119,6 +120,7 @@ class Walk:
 
     def __post_init__(self) -> None:
         self.visited: dict[tuple[int, ...], Explanation] = {}
+        self._scorer = Scorer(self.table)
         self.known_shapes: dict[tuple[int, ...], tuple[int, ...]] = {}
 
     def score(self, slots: Sequence[int]) -> Explanation:
@@ -126,7 +128,7 @@ class Walk:
         key = tuple(slots)
         name = tuple(sorted(key))
         if name not in self.visited:
-            full = explanation(self.table, (*self.given, *key))
+            full = self._scorer.explanation(self.table, (*self.given, *key))
             beta = full.beta[len(self.table.columns(self.given)) :]
             self.visited[name] = replace(full, slots=key, beta=beta)
         return self.visited[name]
@@ -227,13 +229,13 @@ class Walk:
         """
         taken = {_place(self.table, s) for s in (*self.given, *old.slots)}
         active = (*self.given, *old.slots)
-        P = projected(self.table.G, self.table.columns(active))
+        left = swept(self.table.G, self.table.columns(active))
         penalty = np.log(max(self.table.rows, 2))
         scored = []
         for s, slot in enumerate(self.table.slots):
             if _place(self.table, s) in taken:
                 continue
-            score = 0.5 * (drop(P, self.table.G, slot.columns) - penalty * slot.term.parameters)
+            score = 0.5 * (left.drop(slot.columns) - penalty * slot.term.parameters)
             if score > 0:
                 scored.append((score, s))
         result: dict[int, bool] = {}
@@ -291,9 +293,9 @@ def refined_one(table: Table, rest: Sequence[int], s: int) -> tuple[Table, int]:
     term = table.term(s)
 
     def best_of(table: Table) -> int:
-        P = projected(table.G, table.columns(rest))
+        left = swept(table.G, table.columns(rest))
         own = [k for k, slot in enumerate(table.slots) if slot.term is term]
-        return max(own, key=lambda k: drop(P, table.G, table.slots[k].columns))
+        return max(own, key=lambda k: left.drop(table.slots[k].columns))
 
     s = best_of(table)
     for _ in range(2):

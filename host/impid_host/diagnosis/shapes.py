@@ -6,7 +6,7 @@ import numpy as np
 
 from impid_host.diagnosis.result import Structure
 from impid_host.diagnosis.rows import Slot
-from impid_host.diagnosis.table import Table, drop, projected, residuals, solve
+from impid_host.diagnosis.table import Table, residuals, solve, swept
 from impid_host.effects.response import NODES_HZ, RESPONSE
 from impid_host.effects.structure import EACH, curve_basis, pull
 from impid_host.effects.view import View
@@ -138,7 +138,7 @@ def values_of(view: View, variable: str) -> Floats:
 def _share(table: Table, rest: Sequence[int], s: int) -> float:
     """Part of what is left in the channel that the slot explains."""
     columns = table.columns(rest)
-    less = drop(projected(table.G, columns), table.G, table.slots[s].columns)
+    less = swept(table.G, columns).drop(table.slots[s].columns)
     keys = {run.key for run in table.runs if np.isin(run.used, table.columns([s])).any()}
     left = sum(
         float(r @ r) for run, r in zip(table.runs, residuals(table, columns), strict=True) if run.key in keys

@@ -1,17 +1,19 @@
 """The stages of an answer: the first model, one effect more at each, and last what has no known cause."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from impid_host.diagnosis import proof
+from impid_host.diagnosis.base import Base, textbook_structure
 from impid_host.diagnosis.case import Case
 from impid_host.diagnosis.noise import Taps
 from impid_host.diagnosis.parameters import joined, parameters_of
 from impid_host.diagnosis.refit import Refit, refit
 from impid_host.diagnosis.result import UNATTRIBUTED, Chosen, Evidence, Finding, Stage
 from impid_host.effects.catalogue import CATALOGUE
+from impid_host.errors import UndeterminedError
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,16 +35,35 @@ class Bench:
 
     def stage(self, fit: Refit, added: Finding | None) -> Stage:
         """What is reported with the fit's effects taken out."""
-        alpha, loads, rms, vaf, names = proof.report(
+        return self._stage(fit, added, self.case.base)
+
+    def textbook(self, first: Stage) -> Stage | None:
+        """The textbook's model on the same data; None where they do not determine it.
+
+        Args:
+            first: what the study starts from: it may be the textbook's, or of a robot that is given.
+        """
+        base = self.case.base
+        structure = textbook_structure(base.model)
+        given = self.prior is not None and all(view.load is not None for view in self.case.views)
+        if base.bare or given or base.structure == structure:
+            return first
+        try:
+            return self._stage(self.fit([]), None, replace(base, structure=structure))
+        except UndeterminedError:
+            return None
+
+    def _stage(self, fit: Refit, added: Finding | None, base: Base) -> Stage:
+        alpha, loads, rms, vaf, names, values = proof.report(
             fit.views,
             fit.chosen,
-            self.case.base,
+            base,
             self.case.holdout,
             handle_mass_kg=self.handle_mass_kg,
             prior=self.prior,
             covariance=fit.covariance,
         )
-        return Stage(added, rms, vaf, alpha, names, loads)
+        return Stage(added, rms, vaf, alpha, names, loads, chosen=fit.chosen, load_values=values)
 
 
 def finding(parts: Sequence[Chosen], evidence: Evidence) -> Finding:
@@ -68,7 +89,9 @@ def grouped(chosen: Sequence[Chosen]) -> list[list[int]]:
         for group in groups:
             first = chosen[group[0]].term
             places = {name for j in group for name in chosen[j].term.where}
-            alike = (first.effect, first.when) == (term.effect, term.when) and _same_form(chosen[group[0]], part)
+            alike = (first.effect, first.when) == (term.effect, term.when) and _same_form(
+                chosen[group[0]], part
+            )
             if alike and term.named and not places & set(term.where) and not term.own:
                 group.append(k)
                 break

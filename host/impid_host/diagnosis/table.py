@@ -28,6 +28,7 @@ class Units:
         block: number of the block of time to which each belongs, (U,); rows: how many, (U,); key: of its
             channel.
         near: for each block, which blocks are itself or next to it in its trial, (B, B).
+        order: units sorted by block; starts: where each block begins among them, (B,).
         edges: for each run, where its units begin and end, and their numbers.
     """
 
@@ -35,6 +36,8 @@ class Units:
     rows: Floats
     key: tuple[Key, ...]
     near: Floats
+    order: Index
+    starts: Index
     edges: tuple[tuple[Index, Index], ...]
 
     @property
@@ -153,7 +156,10 @@ def units_of(runs: Sequence[Run]) -> Units:
         for other in (number - 1, number + 1):
             if (trial, other) in numbers:
                 near[place, numbers[trial, other]] = 1.0
-    return Units(np.array(block, dtype=np.intp), np.array(rows), tuple(key), near, tuple(edges))
+    of_block = np.array(block, dtype=np.intp)
+    order = np.argsort(of_block, kind="stable")
+    starts = np.searchsorted(of_block[order], np.arange(len(numbers)))
+    return Units(of_block, np.array(rows), tuple(key), near, order, starts, tuple(edges))
 
 
 def residuals(table: Table, columns: Index) -> list[Floats]:
@@ -164,15 +170,50 @@ def residuals(table: Table, columns: Index) -> list[Floats]:
     return [r - run.base @ base for run, r in zip(table.runs, left, strict=True)]
 
 
-def unit_grams(table: Table, columns: Index) -> Floats:
-    """Gram matrices of [target | base | columns], one for each unit, (U, m, m)."""
-    m = 1 + table.runs[0].base.shape[1] + len(columns)
-    result = np.zeros((len(table.units.rows), m, m))
-    for run, (begins, places) in zip(table.runs, table.units.edges, strict=True):
-        Z = np.column_stack([run.target, run.base, run.columns(columns)])
-        for place, part in zip(places, np.split(Z, begins[1:]), strict=True):
-            result[place] = part.T @ part
-    return result
+@dataclass(frozen=True, slots=True)
+class Swept:
+    """The Gram matrix with some columns swept out, of which only the asked blocks are formed.
+
+    Attributes:
+        W: (m, 1 + K), so that what is left of G is G - W^T W.
+    """
+
+    G: Floats
+    W: Floats
+
+    @property
+    def left(self) -> float:
+        """Residual sum of squares."""
+        return float(self.G[0, 0] - self.W[:, 0] @ self.W[:, 0])
+
+    def drop(self, columns: slice) -> float:
+        """Drop of the residual sum of squares by further columns, without what the others span."""
+        index = np.arange(columns.start, columns.stop) + 1
+        W, own = self.W[:, index], self.G[np.ix_(index, index)]
+        A, b = own - W.T @ W, self.G[index, 0] - W.T @ self.W[:, 0]
+        there = np.diag(A) > _SPANNED * np.maximum(np.diag(own), 1e-300)
+        if not there.any():
+            return 0.0
+        A, b = A[np.ix_(there, there)], b[there]
+        if len(b) == 1:
+            return float(b[0] ** 2 / A[0, 0])
+        size = np.sqrt(np.diag(A))
+        values, vectors = np.linalg.eigh(A / np.outer(size, size))
+        good = values > 1e-6
+        return float(np.sum((vectors[:, good].T @ (b / size)) ** 2 / values[good]))
+
+
+def swept(G: Floats, columns: Index) -> Swept:
+    """G with the given columns swept out: what is left of target and terms beside them."""
+    index = np.asarray(columns, dtype=int) + 1
+    if len(index) == 0:
+        return Swept(G, np.zeros((0, len(G))))
+    A = G[np.ix_(index, index)]
+    size = np.sqrt(np.maximum(np.diag(A), 1e-300))
+    values, vectors = np.linalg.eigh(A / np.outer(size, size))
+    good = values > _RIDGE * values[-1]
+    root = (vectors[:, good] / np.sqrt(values[good])).T
+    return Swept(G, root @ (G[index] / size[:, None]))
 
 
 def solve(G: Floats, columns: Index) -> tuple[Floats, float]:
@@ -187,29 +228,3 @@ def solve(G: Floats, columns: Index) -> tuple[Floats, float]:
     good = values > _RIDGE * values[-1]
     beta: Floats = (vectors[:, good] / values[good]) @ (vectors[:, good].T @ (b / size)) / size
     return beta, float(G[0, 0] - b @ beta)
-
-
-def projected(G: Floats, columns: Index) -> Floats:
-    """G with the given columns swept out: what is left of target and terms beside them."""
-    index = np.asarray(columns, dtype=int) + 1
-    if len(index) == 0:
-        return G
-    A = G[np.ix_(index, index)]
-    size = np.sqrt(np.maximum(np.diag(A), 1e-300))
-    A = A / np.outer(size, size) + _RIDGE * np.eye(len(size))
-    B = G[index] / size[:, None]
-    result: Floats = G - B.T @ np.linalg.solve(A, B)
-    return result
-
-
-def drop(P: Floats, G: Floats, columns: slice) -> float:
-    """Drop of the residual sum of squares by a slot's columns, P = projected(G, those in the model)."""
-    index = np.arange(columns.start, columns.stop) + 1
-    index = index[np.diag(P)[index] > _SPANNED * np.maximum(np.diag(G)[index], 1e-300)]
-    if len(index) == 0:
-        return 0.0
-    A, b = P[np.ix_(index, index)], P[index, 0]
-    size = np.sqrt(np.diag(A))
-    values, vectors = np.linalg.eigh(A / np.outer(size, size))
-    good = values > 1e-6
-    return float(np.sum((vectors[:, good].T @ (b / size)) ** 2 / values[good]))

@@ -25,7 +25,7 @@ def sentence(
     key = _most_changed(stages)
     level = floor.get(key)
     by = "" if level is None else f", the noise floor being {level:.2g}"
-    unit = units.get(key, "N*m")
+    unit = units.get(key, "N" if key.startswith("f") else "N*m")
     before = f"of {first.rms[key]:.2g} {unit} unexplained in {key} on data not used"
     named = [
         stage.added for stage in stages if stage.added is not None and stage.added.effect != UNATTRIBUTED
@@ -92,7 +92,7 @@ def _largest(before: Number, after: Number) -> tuple[float, str, float, float] |
 
 
 def beside_checks(words: str, checks: Checks) -> str:
-    """The sentence, headed by what makes the study not to be trusted: nothing is complete beside a contradiction."""
+    """The sentence, headed by what makes the study not to be trusted."""
     worst = next((own for own in checks.entries if own.verdict != "suspect"), None)
     if worst is None:
         return words

@@ -131,9 +131,21 @@ def _lever_arm(setting: Setting) -> Iterator[Term]:
 
 
 _ROWS = (
-    ("accel.misalignment", "the axes stand angle_rad further", (Parameter("angle_rad", "rad", -0.5, 0.5, least=3e-4),)),
-    ("accel.scale", "reading = gain * specific force", (Parameter("gain", "1", 0.5, 1.5, least=3e-4, none=1.0),)),
-    ("accel.bias", "reading += bias, along the sensor's axes", (Parameter("bias", "m/s^2", -5, 5, least=2e-4),)),
+    (
+        "accel.misalignment",
+        "the axes stand angle_rad further",
+        (Parameter("angle_rad", "rad", -0.5, 0.5, least=3e-4),),
+    ),
+    (
+        "accel.scale",
+        "reading = gain * specific force",
+        (Parameter("gain", "1", 0.5, 1.5, least=3e-4, none=1.0),),
+    ),
+    (
+        "accel.bias",
+        "reading += bias, along the sensor's axes",
+        (Parameter("bias", "m/s^2", -5, 5, least=2e-4),),
+    ),
     (
         "accel.cross_axis",
         "reading of an axis += cross * that of the other",

@@ -170,7 +170,7 @@ def _low_passed(values: Floats, time_constant_s: float, dt: float) -> Floats:
 
 
 def _lowered(time_constant_s: float) -> float:
-    """By how much a first-order lag lowers noise in the band that is looked at: the mean of log 1 / |1 + j w T|."""
+    """By how much a first-order lag lowers noise in the band: the mean of log 1 / |1 + j w T|."""
     w = 2.0 * np.pi * np.linspace(0.0, _BAND_HZ, 50)
     return float(np.exp(-np.mean(0.5 * np.log1p((w * time_constant_s) ** 2))))
 

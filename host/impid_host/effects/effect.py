@@ -118,7 +118,8 @@ class Term:
         variant: what tells terms of one name and place apart.
         units: of the reported parameters, where they differ from the catalogue's.
         undo: takes the effect out of a trial exactly, where subtracting its columns would not.
-        stretch: beta -> by family and channel, the factor by which `undo` scales what was measured, noise and all;
+        stretch: beta -> by family and channel, the factor by which `undo` scales what was measured, noise
+        and all;
             fits that undo different things are compared in the units of the log.
         by_model: its columns follow the present model, which follows its parameters in turn.
         fine: the shape is too fine to be reported, but its neglect would bias the others.
@@ -245,12 +246,6 @@ def along(column: Floats, axis: int, axes: int = 2) -> Floats:
     force = np.zeros((len(column), axes))
     force[:, axis] = column
     return force
-
-
-def sign_mean(omega: Floats, acc: Floats, dt: float) -> Floats:
-    """sign(omega) averaged over the sample, so that a reversal between two instants keeps its time."""
-    reach = np.maximum(0.5 * dt * np.abs(acc), 1e-12)
-    return np.clip(omega / reach, -1.0, 1.0)
 
 
 def amplitude_phase(c: float, s: float) -> tuple[float, float]:

@@ -86,7 +86,11 @@ def _scale(setting: Setting) -> Iterator[Term]:
         for variant in ("module and controller", "module"):
 
             def columns(
-                view: View, _shape: float, joints: tuple[int, ...] = joints, *, alone: bool = variant == "module"
+                view: View,
+                _shape: float,
+                joints: tuple[int, ...] = joints,
+                *,
+                alone: bool = variant == "module",
             ) -> Columns:
                 moved = [_stretched(view, joint, _STEP_RAD) for joint in joints]
                 result = sensitivity(view, _STEP_RAD, *moved)

@@ -20,10 +20,10 @@ from impid_host.effects.effect import (
     in_some_trials,
     joint_name,
     on_joint,
-    sign_mean,
 )
 from impid_host.effects.view import Columns, View
 from impid_host.signals.arrays import Floats
+from impid_host.signals.direction import sign_mean
 
 _SOURCE = "Armstrong-Helouvry et al. 1994"
 _BENDS = (
@@ -39,6 +39,13 @@ _WIDTHS = (0.01, 0.02, 0.04, 0.08, 0.16, 0.32)  # of the range: friction that is
 
 def direction(view: View, joint: int, bend: float = 0.0) -> Floats:
     """Direction of motion, (N,); with `bend`, as a contact shows it that bends so far before it slides."""
+    name = ("direction", joint, bend)
+    if name not in view.memo:
+        view.memo[name] = _direction(view, joint, bend)
+    return view.memo[name]
+
+
+def _direction(view: View, joint: int, bend: float) -> Floats:
     if bend > 0.0:
         theta, omega, acc = (values[:, joint] for values in (view.theta, view.omega, view.acc))
         # Four instants within each sample, so that a reversal between two keeps its time.

@@ -113,6 +113,7 @@ def _cubic(setting: Setting) -> Iterator[Term]:
         lambda beta, _shape: {"cubic": [float(beta[0]), float(beta[1])]},
         size=2,
         variant="x and y",
+        by_model=True,
     )
 
 
@@ -319,7 +320,7 @@ def _coupling(setting: Setting) -> Iterator[Term]:
     def read_c(beta: Floats, _shape: float) -> dict[str, Value]:
         return {"M": [[0.0, float(beta[0])], [float(beta[0]), 0.0]]}
 
-    yield Term("load.coupling", _PLACE, stiffness, read_k, variant="K")
+    yield Term("load.coupling", _PLACE, stiffness, read_k, variant="K", by_model=True)
     yield Term("load.coupling", _PLACE, anisotropic, read_m, variant="M diagonal")
     yield Term("load.coupling", _PLACE, crossed, read_c, variant="M off-diagonal")
     yield Term("load.coupling", _PLACE, mass, read_m, size=2, variant="M")
@@ -399,7 +400,7 @@ EFFECTS = (
     ),
     Effect(
         "load.time_varying",
-        "-F_ext += u(t) K_change K (x - x0), or u(t) K (x - x0), u(t) B x'; u goes from -1/2 to 1/2, steadily or at once",
+        "-F_ext += u(t) K_change K (x - x0), or u(t) K (x - x0), u(t) B x'; u from -1/2 to 1/2 in the trial",
         "load",
         (
             Parameter("K_change", "1", -1.9, 1.9),

@@ -10,10 +10,11 @@ from collections.abc import Callable, Iterator, Sequence
 import numpy as np
 from scipy.interpolate import BSpline
 
-from impid_host.effects.effect import UNATTRIBUTED, Setting, Term, sign_mean
+from impid_host.effects.effect import UNATTRIBUTED, Setting, Term
 from impid_host.effects.response import response_terms
 from impid_host.effects.view import FORCE, SPECIFIC_FORCE, TORQUE, Columns, View
 from impid_host.signals.arrays import Floats
+from impid_host.signals.direction import sign_mean
 
 Variable = Callable[[View], Floats]
 COARSE, FINE = 7, 18

@@ -1,7 +1,7 @@
 """What an effect may look at: one trial's motion, torques and forces, and what the model predicts there."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -42,6 +42,7 @@ class View:
         valid: instants that may be used, (N,).
         cutoff_hz: of the band in which the choice looks at this study; report_hz: of the reported one;
             meeting_hz: rate of the slower log.
+        memo: what was worked out of this motion before, by name, joint and shape.
         zero_rad: declared angle at count 0, (n,), of the module's encoders.
         model: the robot's kinematics; respond: what the present model predicts of every family,
             (N, channels), were the motion that of the given view; response: of this one.
@@ -78,6 +79,7 @@ class View:
     alpha: Floats | None = None
     cutoff_hz: float = 11.0
     meeting_hz: float = 250.0
+    memo: dict[tuple[str, int, float], Floats] = field(default_factory=dict, compare=False, repr=False)
     report_hz: float = PUBLISHED_CUTOFF_HZ
 
     @property
@@ -138,6 +140,7 @@ def with_motion(
         turn_rate=turn_rate,
         model=model,
         response=None,
+        memo={},
     )
 
 

@@ -118,7 +118,7 @@ def compare_forces(
 def _virtual(trial: AlignedTrial, structure: RobotStructure, value: Floats, chain: Chain) -> Floats:
     if not value.any():
         return _finished(chain, trial, -through_jacobian(structure.model, trial.theta, trial.tau))
-    Y = structure.regressor(trial.theta, trial.omega, trial.theta_dd)
+    Y = structure.regressor(trial.theta, trial.omega, trial.theta_dd, 1 / trial.rate_hz)
     return _finished(chain, trial, external_force(structure.model, trial.theta, Y, value, trial.tau))
 
 

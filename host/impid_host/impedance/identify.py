@@ -103,7 +103,7 @@ def robot_equation(
     trial: AlignedTrial, structure: RobotStructure, chain: Chain, joints: Sequence[int] | None = None
 ) -> Equation:
     """tau = Y @ parameters along a free trial, finished; of all joints, or of those that are asked for."""
-    Y, tau = structure.regressor(trial.theta, trial.omega, trial.theta_dd), trial.tau
+    Y, tau = structure.regressor(trial.theta, trial.omega, trial.theta_dd, 1 / trial.rate_hz), trial.tau
     if joints is not None and len(joints) < tau.shape[1]:
         Y, tau = Y[:, list(joints)], tau[:, list(joints)]
     return Equation(trial, finish(chain, Y, trial.rate_hz), finish(chain, tau, trial.rate_hz))
@@ -111,7 +111,7 @@ def robot_equation(
 
 def virtual_equation(trial: AlignedTrial, robot: RobotParameters, load: LoadModel, chain: Chain) -> Equation:
     """-F_ext = A @ parameters, F_ext by the virtual sensor; nuisance: its slope in the robot's parameters."""
-    Y = robot.structure.regressor(trial.theta, trial.omega, trial.theta_dd)
+    Y = robot.structure.regressor(trial.theta, trial.omega, trial.theta_dd, 1 / trial.rate_hz)
     model = robot.structure.model
     slope = finish(chain, through_jacobian(model, trial.theta, Y), trial.rate_hz)
     torque_part = finish(chain, through_jacobian(model, trial.theta, trial.tau), trial.rate_hz)
@@ -263,7 +263,7 @@ def _beyond_force(trials: Sequence[AlignedTrial], robot: RobotParameters, chain:
         return None
     left, whole = 0.0, 0.0
     for trial in trials:
-        Y = robot.structure.regressor(trial.theta, trial.omega, trial.theta_dd)
+        Y = robot.structure.regressor(trial.theta, trial.omega, trial.theta_dd, 1 / trial.rate_hz)
         torque = finish(chain, Y @ robot.value - trial.tau, trial.rate_hz)
         rest = beyond_force(model, trial.theta, torque)
         left += float(np.sum(rest[trial.valid] ** 2))

@@ -230,7 +230,7 @@ def _signals(one: ShakenTrial, robot: RobotParameters | None) -> TrialSignals:
             raise UndeterminedError(f"trial {trial.name}: no fx, fy in robot.csv for Method 2")
         return TrialSignals(-_unaveraged(trial.force, rows), trial.x, trial.perturbation)
     model = robot.structure.model
-    Y = robot.structure.regressor(trial.theta, trial.omega, trial.theta_dd)
+    Y = robot.structure.regressor(trial.theta, trial.omega, trial.theta_dd, 1 / trial.rate_hz)
     force = external_force(model, trial.theta, Y, robot.value, _unaveraged(trial.tau, rows))
     slope = -through_jacobian(model, trial.theta, Y)
     return TrialSignals(-force, trial.x, trial.perturbation, slope)

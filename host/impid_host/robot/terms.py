@@ -8,13 +8,15 @@ import numpy as np
 from impid_host.errors import UndeterminedError
 from impid_host.robot.model import RobotModel
 from impid_host.signals.arrays import Floats
+from impid_host.signals.direction import sign_mean
 
-JointColumn = Callable[[Floats, Floats, Floats], Floats]
+JointColumn = Callable[[Floats, Floats, Floats, float], Floats]
+"""Angles, speeds, accelerations (N, n) and the sample's length in s -> the column, (N, n)."""
 
 
 @dataclass(frozen=True, slots=True)
 class Term:
-    """A torque added on each joint: `parameter * column(theta, omega, theta_dd)`, (N, n) -> (N, n).
+    """A torque added on each joint: `parameter * column(theta, omega, theta_dd, dt)`, (N, n) -> (N, n).
 
     `holds`: at rest it carries whatever it must, so that the torque of a joint that rests says nothing;
     `nonnegative`: nothing has a negative one.
@@ -28,41 +30,69 @@ class Term:
     nonnegative: bool = False
 
 
+def _direction(_theta: Floats, omega: Floats, acc: Floats, dt: float) -> Floats:
+    return sign_mean(omega, acc, dt)
+
+
 TERMS: dict[str, Term] = {
     term.name: term
     for term in (
-        Term("friction.coulomb", "Fc", "N*m", lambda _theta, omega, _acc: np.sign(omega), True, True),
-        Term("actuator.offset", "offset", "N*m", lambda _theta, omega, _acc: np.ones_like(omega)),
-        Term("friction.quadratic", "Fq", "N*m*s^2/rad^2", lambda _theta, omega, _acc: omega * np.abs(omega)),
-        Term("inertia.rotor", "Ia", "kg*m^2", lambda _theta, _omega, acc: acc, nonnegative=True),
-        Term("elastic.joint", "k", "N*m/rad", lambda theta, _omega, _acc: theta),
+        Term("friction.coulomb", "Fc", "N*m", _direction, True, True),
+        Term("actuator.offset", "offset", "N*m", lambda _theta, omega, _acc, _dt: np.ones_like(omega)),
+        Term(
+            "friction.quadratic",
+            "Fq",
+            "N*m*s^2/rad^2",
+            lambda _theta, omega, _acc, _dt: omega * np.abs(omega),
+        ),
+        Term("inertia.rotor", "Ia", "kg*m^2", lambda _theta, _omega, acc, _dt: acc, nonnegative=True),
+        Term("elastic.joint", "k", "N*m/rad", lambda theta, _omega, _acc, _dt: theta),
     )
 }
 
 
 @dataclass(frozen=True, slots=True)
 class RobotStructure:
-    """A robot model and the optional terms beside it: what a regression of the torque is built from."""
+    """A robot model and the optional terms beside it: what a regression of the torque is built from.
+
+    Attributes:
+        gravity: the links' weight stands beside a model that has none (`RobotModel.gravity_parameters`).
+    """
 
     model: RobotModel
     terms: tuple[Term, ...] = ()
+    gravity: bool = False
+
+    @property
+    def _weight(self) -> tuple[str, ...]:
+        return self.model.gravity_parameters if self.gravity else ()
 
     @property
     def parameter_names(self) -> tuple[str, ...]:
-        """The model's parameters, then each term's, one per joint."""
-        return self.model.parameter_names + tuple(
-            f"{term.parameter}{joint + 1}" if self.model.joints > 1 else term.parameter
-            for term in self.terms
-            for joint in range(self.model.joints)
+        """The model's parameters, gravity's where it stands beside them, then each term's, one per joint."""
+        return (
+            self.model.parameter_names
+            + self._weight
+            + tuple(
+                f"{term.parameter}{joint + 1}" if self.model.joints > 1 else term.parameter
+                for term in self.terms
+                for joint in range(self.model.joints)
+            )
         )
 
     @property
     def parameter_units(self) -> tuple[str, ...]:
         """Units in the order of the names; on a prismatic axis N and m stand for N m and rad."""
-        return self.model.parameter_units + tuple(
-            term.unit.replace("kg*m^2", "kg").replace("N*m", "N").replace("rad", "m") if slides else term.unit
-            for term in self.terms
-            for slides in self.model.prismatic
+        return (
+            self.model.parameter_units
+            + ("N*m",) * len(self._weight)
+            + tuple(
+                term.unit.replace("kg*m^2", "kg").replace("N*m", "N").replace("rad", "m")
+                if slides
+                else term.unit
+                for term in self.terms
+                for slides in self.model.prismatic
+            )
         )
 
     @property
@@ -73,8 +103,10 @@ class RobotStructure:
     @property
     def nonnegative(self) -> tuple[bool, ...]:
         """Which of the parameters cannot be negative, in the order of the names."""
-        return self.model.nonnegative + tuple(
-            term.nonnegative for term in self.terms for _ in range(self.model.joints)
+        return (
+            self.model.nonnegative
+            + (False,) * len(self._weight)
+            + tuple(term.nonnegative for term in self.terms for _ in range(self.model.joints))
         )
 
     @property
@@ -82,11 +114,17 @@ class RobotStructure:
         """True where dry friction may carry a part of the torque of a joint that rests."""
         return any(term.holds for term in self.terms)
 
-    def regressor(self, theta: Floats, omega: Floats, theta_dd: Floats) -> Floats:
-        """Y with tau = Y @ parameters in free motion: (N, n) three times -> (N, n, p + n * terms)."""
+    def regressor(self, theta: Floats, omega: Floats, theta_dd: Floats, dt: float = 0.0) -> Floats:
+        """Y with tau = Y @ parameters in free motion: (N, n) three times -> (N, n, p).
+
+        Args:
+            dt: the sample's length, s, over which a reversal is averaged; 0: the sign at the instant.
+        """
         blocks = [self.model.regressor(theta, omega, theta_dd)]
+        if self.gravity:
+            blocks.append(self.model.gravity_regressor(theta))
         for term in self.terms:
-            column = term.column(theta, omega, theta_dd)
+            column = term.column(theta, omega, theta_dd, dt)
             blocks.append(column[:, :, None] * np.eye(self.model.joints))
         return np.concatenate(blocks, axis=2)
 

@@ -1,4 +1,4 @@
-"""What every term of the catalogue promises, tried in every kind of apparatus; nothing here knows an effect."""
+"""What every term of the catalogue promises, in every kind of apparatus; nothing here knows an effect."""
 
 from dataclasses import replace
 from functools import cache
@@ -196,7 +196,7 @@ def left(view: View) -> dict[str, np.ndarray]:
 
 @pytest.mark.parametrize(("kind", "effect"), MOVING)
 def test_taking_out_is_what_the_columns_say_to_second_order(kind: str, effect: str) -> None:
-    """Undoing beta from a trial without the effect leaves minus its columns, and an error that falls with beta^2."""
+    """Undoing beta where it is not leaves minus its columns, and an error that falls with beta^2."""
     here, own = of(kind, effect)
     for term, view in product(own, here.views):
         if term.undo is None or not term.acts_in(view):
