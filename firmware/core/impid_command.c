@@ -58,8 +58,49 @@ static answer_t info(const impid_core_t *core, uint8_t item) {
         return ok(core->port->health(core->port->context).sync_us);
     case IMPID_MESSAGES_COMMAND_ITEM_SYNC_COUNT_CHOICE:
         return ok(core->port->health(core->port->context).sync_count);
+    case IMPID_MESSAGES_COMMAND_ITEM_BUILD_COMMIT_CHOICE:
+        return ok(config->build_commit);
+    case IMPID_MESSAGES_COMMAND_ITEM_BUILD_STATE_CHOICE:
+        return ok(config->build_state);
+    case IMPID_MESSAGES_COMMAND_ITEM_BOARD_ID_CHOICE:
+        return ok(config->board_id);
+    case IMPID_MESSAGES_COMMAND_ITEM_UPDATE_SLOT_CHOICE:
+        return ok(config->slots != NULL ? impid_update_slot(&core->update) : IMPID_SLOT_NONE);
+    case IMPID_MESSAGES_COMMAND_ITEM_UPDATE_PENDING_CHOICE:
+        return ok(config->slots != NULL && !impid_update_confirmed(&core->update) ? 1u : 0u);
     default:
         return refused(IMPID_MESSAGES_RESPONSE_RESULT_BAD_ITEM_CHOICE);
+    }
+}
+
+static answer_t update_answer(impid_update_result_t result, uint32_t value) {
+    static const uint8_t codes[4] = {[IMPID_UPDATE_OK] = IMPID_MESSAGES_RESPONSE_RESULT_OK_CHOICE,
+                                     [IMPID_UPDATE_BAD_VALUE] =
+                                         IMPID_MESSAGES_RESPONSE_RESULT_BAD_VALUE_CHOICE,
+                                     [IMPID_UPDATE_BAD_ITEM] = IMPID_MESSAGES_RESPONSE_RESULT_BAD_ITEM_CHOICE,
+                                     [IMPID_UPDATE_FAILED] = IMPID_MESSAGES_RESPONSE_RESULT_FAILED_CHOICE};
+    return (answer_t){codes[result], value};
+}
+
+static answer_t update(impid_core_t *core, const struct impid_messages_command_t *command) {
+    impid_update_t *update = &core->update;
+    if (update->port == NULL) {
+        return refused(IMPID_MESSAGES_RESPONSE_RESULT_UNKNOWN_OPCODE_CHOICE);
+    }
+    if (impid_stream_active(&core->stream) || impid_selftest_running(&core->selftest)) {
+        return refused(IMPID_MESSAGES_RESPONSE_RESULT_BUSY_CHOICE);
+    }
+    switch (command->opcode) {
+    case IMPID_MESSAGES_COMMAND_OPCODE_UPDATE_BEGIN_CHOICE:
+        return update_answer(impid_update_begin(update, command->value), impid_update_slot(update));
+    case IMPID_MESSAGES_COMMAND_OPCODE_UPDATE_WRITE_CHOICE: {
+        impid_update_result_t result = impid_update_write(update, command->item, command->value);
+        return update_answer(result, update->next);
+    }
+    case IMPID_MESSAGES_COMMAND_OPCODE_UPDATE_END_CHOICE:
+        return update_answer(impid_update_finish(update, command->value), impid_update_slot(update));
+    default:
+        return update_answer(impid_update_confirm(update), 0u);
     }
 }
 
@@ -164,6 +205,11 @@ static answer_t act(impid_core_t *core, impid_carrier_t carrier,
         return keep(core->config.settings, command);
     case IMPID_MESSAGES_COMMAND_OPCODE_LOG_CHOICE:
         return log_word(&core->config, command->item);
+    case IMPID_MESSAGES_COMMAND_OPCODE_UPDATE_BEGIN_CHOICE:
+    case IMPID_MESSAGES_COMMAND_OPCODE_UPDATE_WRITE_CHOICE:
+    case IMPID_MESSAGES_COMMAND_OPCODE_UPDATE_END_CHOICE:
+    case IMPID_MESSAGES_COMMAND_OPCODE_UPDATE_CONFIRM_CHOICE:
+        return update(core, command);
     case IMPID_MESSAGES_COMMAND_OPCODE_STATUS_CHOICE:
     case IMPID_MESSAGES_COMMAND_OPCODE_RESET_CHOICE:
         return ok(0u); /* acted on once the answer is out */

@@ -15,6 +15,7 @@ void impid_core_init(impid_core_t *core, const impid_core_config_t *config, cons
     impid_stream_init(&core->stream, config->boot_id, config->first_index);
     impid_selftest_init(&core->selftest);
     impid_frame_parser_init(&core->parser);
+    impid_update_init(&core->update, config->slots);
     if (core->config.trace != NULL) {
         impid_trace_begin(core->config.trace, config->boot_id);
     }

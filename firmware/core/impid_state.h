@@ -17,11 +17,15 @@
 #include "impid_stream.h"
 #include "impid_timebase.h"
 #include "impid_trace.h"
+#include "impid_update.h"
 
-#define IMPID_FIRMWARE_VERSION 0x000100u /* major << 16 | minor << 8 | patch */
+#define IMPID_FIRMWARE_VERSION 0x000200u /* major << 16 | minor << 8 | patch */
 
 typedef struct {
     uint32_t uid[3];
+    uint32_t board_id;     /* CRC-32 of the board's name: an image is for one kind of board */
+    uint32_t build_commit; /* impid_build.h */
+    uint32_t build_state;
     uint16_t boot_id;           /* differs from that of the boot before */
     uint8_t reset_cause;        /* as STATUS_HEALTH.reset_cause */
     uint8_t clock_source;       /* as STATUS_HEALTH.clock_source */
@@ -30,7 +34,8 @@ typedef struct {
     impid_settings_t *settings; /* NULL: this board keeps none, and knows no GET, SET, SAVE */
     const uint32_t *log;        /* the last fault record, NULL: none is kept, and LOG is not known */
     uint8_t log_words;
-    impid_trace_t *trace; /* in memory that outlives a reset; NULL: this board has none */
+    const impid_update_port_t *slots; /* where an update goes; NULL: this board knows none */
+    impid_trace_t *trace;             /* in memory that outlives a reset; NULL: this board has none */
 } impid_core_config_t;
 
 typedef struct {
@@ -43,6 +48,7 @@ typedef struct {
     impid_selftest_t selftest;
     impid_frame_parser_t parser;
     impid_replies_t replies;
+    impid_update_t update;
     impid_link_t links[IMPID_CARRIERS];
     uint32_t accepted;     /* commands carried out */
     uint32_t rejected;     /* frames and commands that made no sense, apart from the parser's */

@@ -141,7 +141,7 @@ def test_a_processor_fault_leaves_its_record() -> None:
     assert bench.value("LOG", "FAULT_CFSR") == 0x8200
     assert bench.value("LOG", "FAULT_HFSR") == 0x40000000
     assert bench.value("LOG", "FAULT_ADDRESS") == 0x60001234
-    assert 0x08000000 <= bench.value("LOG", "FAULT_PC") < 0x08008000
+    assert 0x08010200 <= bench.value("LOG", "FAULT_PC") < 0x08018200, "in the image of slot 0"
     assert bench.value("LOG", "FAULT_PSR") & 0x01000000, "Thumb state of the stacked frame"
     assert 10_000 <= bench.value("LOG", "FAULT_UPTIME_US") <= 20_000
 
@@ -164,8 +164,8 @@ def test_what_a_reset_cut_off_is_counted_by_the_next_boot() -> None:
 
 def test_a_main_loop_that_hangs_is_reset_by_the_watchdog() -> None:
     bench = Bench()
-    # Nominal 32 kHz: 2000 counts of 1 ms.
-    bench.run(1900, np.full(1900, STALLED, np.uint8))
+    # Nominal 32 kHz: 4000 counts of 1 ms.
+    bench.run(3900, np.full(3900, STALLED, np.uint8))
     assert not bench.board.reset_requested
     bench.run(300, np.full(300, STALLED, np.uint8))
     bench.board.soc.thread_held = False

@@ -1,7 +1,11 @@
 """The ELF that is flashed: built by PlatformIO, within its budgets, laid out as the chip needs it."""
 
+import base64
+import json
+import re
 import struct
 import subprocess
+import zlib
 from pathlib import Path
 
 import pytest
@@ -42,6 +46,8 @@ class Elf:
             self.symbols = {symbol.name: symbol["st_value"] for symbol in table.iter_symbols()}
             text = elf.get_section_by_name(".text")
             self.text_at, self.text = text["sh_addr"], text.data()
+            self.data = elf.get_section_by_name(".data").data()
+            self.header = elf.get_section_by_name(".header").data()
             self.sections = {s.name: (s["sh_addr"], s["sh_size"]) for s in elf.iter_sections()}
 
 
@@ -58,8 +64,11 @@ def test_both_boards_are_within_their_budgets(build: str) -> None:
 
 
 def test_every_interrupt_stands_at_its_position(elf: Elf) -> None:
-    assert elf.text_at == elf.symbols["vectors"] == 0x08000000, (
-        "the processor reads the table at the start of flash"
+    assert elf.text_at == elf.symbols["vectors"] == 0x08010200, (
+        "the loader starts it there, behind the header"
+    )
+    assert elf.text_at % 512 == 0, (
+        "VTOR takes a table of 113 words at multiples of 512 bytes (Armv7-M B3.2.5)"
     )
     words = struct.unpack_from("<113I", elf.text)
     assert words[0] == elf.symbols["linker_stack_top"]
@@ -83,6 +92,50 @@ def test_the_stack_is_lowest_and_what_outlives_a_reset_is_not_cleared(elf: Elf) 
     assert noinit_at + noinit_size <= 0x20000000 + 16 * 1024
 
 
-def test_the_program_keeps_out_of_the_settings_sectors(elf: Elf) -> None:
+def test_everything_lies_where_the_map_of_the_flash_has_it(elf: Elf) -> None:
+    """Sectors of 16 KiB at 0x08000000, of 64 KiB at 0x08010000, of 128 KiB at 0x08020000 (RM0390 3.3)."""
     _, data_size = elf.sections[".data"]
-    assert elf.text_at + len(elf.text) + data_size <= 0x08008000
+    loader_at, loader_size = elf.sections[".loader"]
+    assert loader_at == elf.symbols["loader_vectors"] == 0x08000000, "the processor starts there"
+    assert loader_size <= 16 * 1024
+    assert elf.sections[".header"] == (0x08010000, 24)
+    assert len(elf.text) + data_size <= 32 * 1024
+    assert elf.sections[".void"] == (0x08020000, 4)
+
+
+def test_the_header_tells_the_image_and_asks_for_no_trial(elf: Elf) -> None:
+    mark, length, crc, sequence, tried, confirmed = struct.unpack("<6I", elf.header)
+    assert (mark, sequence, tried, confirmed) == (0x31544C53, 1, 0, 0)
+    assert length == len(elf.text) + elf.sections[".data"][1]
+    assert crc == zlib.crc32(elf.text + elf.data)
+
+
+@pytest.mark.parametrize("board", BOARDS)
+def test_the_loader_calls_nothing_outside_of_itself(build: str, board: str) -> None:
+    """What it called in the image would be gone with the next update."""
+    assert board in build
+    loader = next((ROOT / ".pio" / "build" / board).rglob("loader.o"))
+    named = subprocess.run(["arm-none-eabi-nm", "-u", loader], capture_output=True, text=True, check=True)
+    assert named.stdout.split() == ["U", "linker_stack_top"]
+
+
+@pytest.mark.parametrize("board", BOARDS)
+def test_the_update_file_holds_both_images_and_names_its_build(build: str, board: str) -> None:
+    assert board in build
+    told = json.loads((ROOT / ".pio" / "build" / board / "firmware.impid").read_text())
+    assert (told["impid_firmware"], told["board"]) == (1, board)
+    head = subprocess.run(["git", "rev-parse", "HEAD"], cwd=ROOT, capture_output=True, text=True, check=True)
+    assert told["commit"] == head.stdout[:8]
+    for slot, base in enumerate((0x08010200, 0x08020200)):
+        image = base64.b64decode(told["images"][slot]["data"])
+        assert zlib.crc32(image) == told["images"][slot]["crc32"]
+        _, start = struct.unpack_from("<2I", image)
+        assert base < start < base + len(image), "linked for its slot"
+
+
+@pytest.mark.parametrize("board", BOARDS)
+def test_each_board_has_the_identity_of_its_name(board: str) -> None:
+    header = (ROOT / "firmware" / "boards" / board / "board.h").read_text()
+    told = re.search(r"#define BOARD_ID 0x([0-9A-F]{8})u", header)
+    assert told is not None
+    assert int(told[1], 16) == zlib.crc32(board.encode())

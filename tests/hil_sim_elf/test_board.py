@@ -82,9 +82,9 @@ def test_reset_command_boots_anew(firmware: Path) -> None:
 def test_a_main_loop_that_stands_still_starves_the_watchdog(firmware: Path) -> None:
     board = ElfBoard(firmware)
     board.soc.thread_held = True
-    rest(board, 1900)
+    rest(board, 3900)
     assert board.soc.resets == []
-    rest(board, 200)  # 2001 counts of 32 / 32 kHz
+    rest(board, 200)  # 4001 counts of 32 / 32 kHz
     assert board.soc.resets == ["iwdg"]
     board.soc.thread_held = False
     board.reboot()

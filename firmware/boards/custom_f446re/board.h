@@ -6,6 +6,8 @@
 
 #include "pin.h"
 
+#define BOARD_ID 0x701DFFD1u /* CRC-32 of "custom_f446re" */
+
 #define BOARD_HSE_MHZ    8u
 #define BOARD_HSE_BYPASS false /* a crystal */
 

@@ -1,5 +1,6 @@
 #include "impid_board.h"
 
+#include "impid_build.h"
 #include "impid_core.h"
 
 #include <stdlib.h>
@@ -204,6 +205,8 @@ impid_board *impid_board_new(const impid_board_config *config) {
                                        .reset_cause = config->reset_cause,
                                        .clock_source =
                                            IMPID_MESSAGES_STATUS_HEALTH_CLOCK_SOURCE_NATIVE_CHOICE,
+                                       .build_commit = IMPID_BUILD_COMMIT,
+                                       .build_state = IMPID_BUILD_STATE,
                                        .first_index = config->first_index,
                                        .boot_us = config->start_us,
                                        .settings = &board->settings,

@@ -5,6 +5,8 @@
 
 #include "pin.h"
 
+#define BOARD_ID 0x7AB5179Bu /* CRC-32 of "nucleo_f446re" */
+
 #define BOARD_HSE_MHZ    8u   /* from the ST-LINK, */
 #define BOARD_HSE_BYPASS true /* a clock signal, not a crystal */
 

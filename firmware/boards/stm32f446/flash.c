@@ -1,12 +1,14 @@
 #include "flash.h"
 
 #include "registers.h"
+#include "slots.h"
+#include "watchdog.h"
 
 #define SECTOR_WORDS  (16384u / 4u)
-#define FIRST_SECTOR  2u /* sectors 2 and 3, 0x08008000 and 0x0800C000: behind the program's 32 KiB */
+#define FIRST_SECTOR  2u /* sectors 2 and 3, 0x08008000 and 0x0800C000: between the loader and the slots */
 #define FIRST_ADDRESS 0x08008000u
 
-static volatile uint32_t *word_at(uint32_t sector, uint32_t word) {
+static volatile uint32_t *settings_word(uint32_t sector, uint32_t word) {
     return (volatile uint32_t *)(uintptr_t)(FIRST_ADDRESS + 4u * (sector * SECTOR_WORDS + word));
 }
 
@@ -26,24 +28,18 @@ static void unlock(void) {
     FLASH->SR = FLASH_SR_ERRORS; /* cleared by writing 1 */
 }
 
-static uint32_t read_word(void *context, uint32_t sector, uint32_t word) {
-    (void)context;
-    return *word_at(sector, word);
-}
-
-static bool program_word(void *context, uint32_t sector, uint32_t word, uint32_t value) {
-    (void)context;
+static bool program(volatile uint32_t *place, uint32_t value) {
     unlock();
     FLASH->CR = FLASH_CR_PSIZE_X32 | FLASH_CR_PG;
-    *word_at(sector, word) = value;
+    *place = value;
     __asm volatile("dsb" ::: "memory");
     return finish();
 }
 
-static bool erase_sector(void *context, uint32_t sector) {
-    (void)context;
+static bool erase(uint32_t sector) {
+    watchdog_refresh();
     unlock();
-    uint32_t command = FLASH_CR_PSIZE_X32 | FLASH_CR_SER | ((FIRST_SECTOR + sector) << FLASH_CR_SNB_Pos);
+    uint32_t command = FLASH_CR_PSIZE_X32 | FLASH_CR_SER | (sector << FLASH_CR_SNB_Pos);
     FLASH->CR = command;
     FLASH->CR = command | FLASH_CR_STRT;
     bool erased = finish();
@@ -52,11 +48,48 @@ static bool erase_sector(void *context, uint32_t sector) {
     FLASH->ACR |= FLASH_ACR_DCRST;
     FLASH->ACR &= ~FLASH_ACR_DCRST;
     FLASH->ACR |= FLASH_ACR_DCEN;
+    watchdog_refresh();
     return erased;
 }
 
-const impid_flash_t flash_port = {.context = NULL,
-                                  .sector_words = SECTOR_WORDS,
-                                  .read = read_word,
-                                  .program = program_word,
-                                  .erase = erase_sector};
+static uint32_t read_setting(void *context, uint32_t sector, uint32_t word) {
+    (void)context;
+    return *settings_word(sector, word);
+}
+
+static bool program_setting(void *context, uint32_t sector, uint32_t word, uint32_t value) {
+    (void)context;
+    return program(settings_word(sector, word), value);
+}
+
+static bool erase_settings(void *context, uint32_t sector) {
+    (void)context;
+    return erase(FIRST_SECTOR + sector);
+}
+
+const impid_flash_t flash_settings = {.context = NULL,
+                                      .sector_words = SECTOR_WORDS,
+                                      .read = read_setting,
+                                      .program = program_setting,
+                                      .erase = erase_settings};
+
+static uint32_t read_slot(void *context, uint32_t slot, uint32_t word) {
+    (void)context;
+    return *slot_word(slot, word);
+}
+
+static bool program_slot(void *context, uint32_t slot, uint32_t word, uint32_t value) {
+    (void)context;
+    return program(slot_word(slot, word), value);
+}
+
+static bool erase_slot(void *context, uint32_t slot) {
+    (void)context;
+    return erase(SLOT_SECTOR(slot));
+}
+
+const impid_flash_t flash_slots = {.context = NULL,
+                                   .sector_words = IMPID_SLOT_WORDS,
+                                   .read = read_slot,
+                                   .program = program_slot,
+                                   .erase = erase_slot};

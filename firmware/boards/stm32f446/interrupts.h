@@ -45,6 +45,10 @@ static inline void interrupts_restore(uint32_t before) {
     __asm volatile("msr primask, %0" ::"r"(before) : "memory");
 }
 
+/* What a vector table begins with, and what it is made of. */
+extern uint32_t linker_stack_top[];
+typedef void (*handler_t)(void);
+
 /* The handlers that the vector table names. */
 void reset_handler(void);
 void nmi_handler(void);

@@ -4,12 +4,14 @@
 #include "clock.h"
 #include "fault.h"
 #include "flash.h"
+#include "impid_build.h"
 #include "impid_messages.h"
 #include "interrupts.h"
 #include "pin.h"
 #include "registers.h"
 #include "sampling.h"
 #include "serial.h"
+#include "slots.h"
 #include "timebase.h"
 #include "watchdog.h"
 
@@ -136,14 +138,22 @@ static void sleep_unless(bool work) {
     interrupts_restore(before);
 }
 
+/* Which slot this image was linked for is an address that the linker knows. */
+extern const uint8_t linker_slot_base[];
+
 int main(void) {
+    const impid_update_port_t slots = {
+        .flash = &flash_slots,
+        .base = {SLOT_0_BASE, SLOT_1_BASE},
+        .running = (uint32_t)(uintptr_t)linker_slot_base == SLOT_1_BASE ? 1u : 0u,
+    };
     uint8_t reset_cause = fault_reset_cause();
     watchdog_start();
     bool external_clock = clock_start();
     set_pins_up();
     sampling_measure_supply();
 
-    impid_settings_init(&settings, &flash_port);
+    impid_settings_init(&settings, &flash_settings);
     set_inputs_up();
     (void)impid_settings_prepare(&settings);
     watchdog_refresh(); /* two erases may lie behind */
@@ -151,6 +161,9 @@ int main(void) {
 
     impid_core_config_t config = {
         .uid = {UNIQUE_ID[0], UNIQUE_ID[1], UNIQUE_ID[2]},
+        .board_id = BOARD_ID,
+        .build_commit = IMPID_BUILD_COMMIT,
+        .build_state = IMPID_BUILD_STATE,
         .boot_id = (uint16_t)boot_count,
         .reset_cause = reset_cause,
         .clock_source = external_clock ? IMPID_MESSAGES_STATUS_HEALTH_CLOCK_SOURCE_HSE_CHOICE
@@ -158,6 +171,7 @@ int main(void) {
         .settings = &settings,
         .log = (const uint32_t *)(const void *)fault_log(),
         .log_words = FAULT_LOG_WORDS,
+        .slots = &slots,
         .trace = fault_trace(),
     };
     impid_core_init(&core, &config, &port);

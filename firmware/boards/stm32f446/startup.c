@@ -5,14 +5,11 @@
 
 int main(void);
 
-extern uint32_t linker_stack_top[];
 extern uint8_t linker_data_start[];
 extern uint8_t linker_data_end[];
 extern const uint8_t linker_data_image[];
 extern uint8_t linker_bss_start[];
 extern uint8_t linker_bss_end[];
-
-typedef void (*handler_t)(void);
 
 typedef struct {
     uint32_t *stack_top;

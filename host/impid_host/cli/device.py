@@ -13,8 +13,10 @@ from impid_host.calibration.accelerometer import AccelerometerCalibration
 from impid_host.calibration.in_place import calibrate_in_place
 from impid_host.calibration.motion import predicted_specific_force
 from impid_host.calibration.tumble import calibrate_by_angles, calibrate_by_circle
+from impid_host.cli.device_update import update
 from impid_host.cli.link_options import Command, address_of, link_options
 from impid_host.errors import InputError, LinkError
+from impid_host.link.board_info import build_name
 from impid_host.link.client import FAULT_RECORD, SETTINGS, BoardClient
 from impid_host.link.readings import mean_codes
 from impid_host.recording.reader import read_recording
@@ -40,6 +42,9 @@ def command() -> None:
       impid-host device set --port /dev/ttyACM0 ENCODER_1_CPR 8192
       impid-host device calibrate tumble --port auto --out board.json --save
     """
+
+
+command.add_command(update)
 
 
 @contextmanager
@@ -68,7 +73,11 @@ def info(*, port: str | None, can: str | None, baud: int | None, as_json: bool) 
     values = {name: value for name, value in values.items() if not name.startswith("uid_")}
     values |= {"reset_cause": _RESET.get(board.reset_cause, board.reset_cause)}
     values |= {"clock_source": _CLOCK.get(board.clock_source, board.clock_source)}
-    values |= {"firmware_version": _version(board.firmware_version)}
+    values = {"firmware": build_name(board)} | {
+        name: value
+        for name, value in values.items()
+        if value is not None and not name.startswith(("firmware_", "build_"))
+    }
     states = {"state": _STATE.get(status.state, status.state)}
     states |= {"self_test": _SELF_TEST.get(status.self_test, status.self_test)}
     counters = {
@@ -80,10 +89,6 @@ def info(*, port: str | None, can: str | None, baud: int | None, as_json: bool) 
             click.echo(f"  {name:18} {value}")
         if not entries:
             click.echo("  none: the firmware of this board keeps no settings")
-
-
-def _version(number: int) -> str:
-    return f"{number >> 16}.{number >> 8 & 255}.{number & 255}"
 
 
 @command.command("self-test")

@@ -18,6 +18,7 @@ from impid_host.cli.link_options import address_of, link_options
 from impid_host.clock.device import fit_clock
 from impid_host.errors import InputError, LinkError, UndeterminedError
 from impid_host.link.address import Address
+from impid_host.link.board_info import build_name
 from impid_host.link.client import BoardClient
 from impid_host.link.simulator import Simulator
 from impid_host.recording import channels
@@ -233,7 +234,9 @@ def _host_and_port(address: str) -> tuple[str, int]:
 
 def _metadata(client: BoardClient, order: _Order, carrier: str) -> dict[str, dict[str, str]]:
     host = {"version": __version__, "carrier": carrier, "speed": str(order.speed)} | order.asked
-    board = {name: str(value) for name, value in asdict(client.info()).items()}
+    info = client.info()
+    board = {name: str(value) for name, value in asdict(info).items() if value is not None}
+    board["firmware"] = build_name(info)
     settings = {name: str(value) for name, value in client.settings().items()}
     return {
         channels.METADATA_HOST: host,

@@ -1,10 +1,11 @@
 """The papers' model as one linear regression over all trials: the robot's alpha shared, each load its own."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from impid_host.effects.effect import Term
 from impid_host.effects.view import Columns, View
 from impid_host.impedance.loads import LoadModel, load_model
 from impid_host.robot.model import RobotModel, torque_at_load
@@ -126,6 +127,12 @@ def textbook_structure(model: RobotModel) -> RobotStructure:
 def structure_of(setup: Setup, model: RobotModel) -> RobotStructure:
     """The robot's model that a diagnosis starts from."""
     return textbook_structure(model) if baseline(setup, model) == "textbook" else robot_structure(model)
+
+
+def lacking(base: Base, tried: Iterable[Term]) -> list[Term]:
+    """The terms that the robot's model has not got already: what it holds is no discovery."""
+    held = {term.name for term in base.structure.terms}
+    return [term for term in tried if term.effect not in held or term.when != "all"]
 
 
 def targets(view: View) -> Mapping[str, Floats]:

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from impid_host.diagnosis.base import Base, base_of, structure_of
+from impid_host.diagnosis.base import Base, base_of, lacking, structure_of
 from impid_host.diagnosis.holdout import Holdout, hold_out
 from impid_host.diagnosis.noise import Noise, noise_models, tail_of, whitened
 from impid_host.diagnosis.oddities import Oddity
@@ -20,6 +20,7 @@ from impid_host.effects.response import is_response
 from impid_host.effects.structure import structures
 from impid_host.effects.view import View
 from impid_host.errors import UndeterminedError
+from impid_host.impedance.linear import ROWS_PER_PARAMETER
 from impid_host.robot.model import robot_model
 from impid_host.signals.arrays import Floats
 from impid_host.study.model import Study
@@ -74,7 +75,7 @@ def informed(parts: Sequence[View], base: Base, holdout: Holdout) -> list[View]:
     """
     runs = [run for view in parts for run in rows_of(view, base, [], holdout)]
     used = [run for run in runs if run.family in ("torque", "force")]
-    if sum(len(run.target) for run in used) < 5 * base.size:
+    if sum(len(run.target) for run in used) < ROWS_PER_PARAMETER * base.size:
         raise UndeterminedError("too little is left between gaps and filter edges; record longer trials")
     power: dict[Key, list[Floats]] = {}
     for run in used:
@@ -90,7 +91,7 @@ def informed(parts: Sequence[View], base: Base, holdout: Holdout) -> list[View]:
 def tabulated(case: Case, noise: Noise | None = None, progress: Progress = silent) -> Table:
     """Every term's columns on the fit part, whitened by the given noise models or by those found here."""
     used = case.fit_views
-    slots = slots_of([*terms(case.setting), *structures(used, case.setting)])
+    slots = slots_of([*lacking(case.base, terms(case.setting)), *structures(used, case.setting)])
     raw = _evaluated(case, used, slots, progress)
     rows = sum(len(run.target) for run in raw if run.key == ("torque", 0))
     taps = (

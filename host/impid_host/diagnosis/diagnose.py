@@ -22,6 +22,7 @@ from impid_host.diagnosis.tolerance import with_tolerance
 from impid_host.diagnosis.traces import traces
 from impid_host.diagnosis.verdict import sentence
 from impid_host.effects.bounds import possible
+from impid_host.robot.model import RobotModel
 from impid_host.signals.chain import PUBLISHED_CUTOFF_HZ
 from impid_host.study.model import Study
 
@@ -74,6 +75,7 @@ def diagnose(study: Study, progress: Progress = silent) -> Diagnosis:
         traces=traces(bench, bench.fit([]), last),
         prismatic=all(case.base.model.prismatic),
         textbook=bench.textbook(stages[0]),
+        ranges=case.setting.ranges,
         share_unexplained=share_unexplained(stages[0].rms, stages[-1].rms, floor),
         above_noise_floor=above,
         structure=(*left, *odd_structures(case.oddities)),
@@ -84,11 +86,17 @@ def diagnose(study: Study, progress: Progress = silent) -> Diagnosis:
             verdict.ties,
             left,
             above,
-            units=dict.fromkeys(stages[0].rms, "N") if all(case.base.model.prismatic) else {},
+            units={key: _unit(key, case.base.model) for key in floor},
             widened=bool(above and left),
         ),
         notes=tuple(notes),
     )
+
+
+def _unit(channel: str, model: RobotModel) -> str:
+    """N of forces and of joints that slide."""
+    slides = channel.startswith("tau") and model.prismatic[int(channel[3:].partition("_")[0]) - 1]
+    return "N" if slides or not channel.startswith("tau") else "N*m"
 
 
 def named_parts(choice: Choice) -> dict[int, Chosen]:

@@ -20,6 +20,7 @@ from impid_host.diagnosis.result import Chosen
 from impid_host.diagnosis.reuse import carried, require_same_robot
 from impid_host.diagnosis.saved import SavedModel, file_hashes
 from impid_host.diagnosis.saved_parts import SavedStage
+from impid_host.effects.effect import Ranges
 from impid_host.effects.view import View
 from impid_host.errors import InputError, UndeterminedError
 from impid_host.impedance.identify import RobotParameters, physical_equation, robot_equation, virtual_equation
@@ -156,7 +157,7 @@ def judge(
     first = len(models) - len(saved.stages)
     for study, parts in aligned_studies:
         for number, stage in enumerate(models):
-            predicted, lines, own = predict(stage, parts, refit_record=refit_record)
+            predicted, lines, own = predict(stage, parts, saved.ranges, refit_record=refit_record)
             left_out.add(study, lines, several=len(studies) > 1)
             again.add(study, own if number == len(models) - 1 else [], several=len(studies) > 1)
             for cutoff in usable:
@@ -216,7 +217,7 @@ def _same_files(saved: SavedModel, study: Study) -> list[str]:
 
 
 def predict(
-    stage: SavedStage, parts: Sequence[View], *, refit_record: bool
+    stage: SavedStage, parts: Sequence[View], ranges: Ranges | None, *, refit_record: bool
 ) -> tuple[_Predicted, list[str], list[str]]:
     """A stage on a study's views, with what was left out and what was fitted anew, in words."""
     structure = stage.structure.of(parts[0].model)
@@ -225,10 +226,10 @@ def predict(
     value = np.concatenate(
         [stage.alpha, *(loads.get(name, np.zeros(len(load.columns))) for name, load in base.loads)]
     )
-    chosen, left_out = carried(stage.effects, loads, parts, base)
+    chosen, left_out = carried(stage.effects, loads, parts, base, ranges)
     words: list[str] = []
     if refit_record:
-        own = own_of_record(stage.effects, parts, base)
+        own = own_of_record(stage.effects, parts, base, ranges)
         known = [view for view in parts if view.load is None or view.load in loads]
         value, more, words = refitted(known, base, value, chosen, own)
         names = {part.term.label for part in more}

@@ -8,12 +8,12 @@ import numpy as np
 from impid_host.diagnosis.base import Base
 from impid_host.diagnosis.correct import corrected
 from impid_host.diagnosis.parameters import parameters_of
-from impid_host.diagnosis.prepare import setting_of
 from impid_host.diagnosis.result import Chosen, Number
-from impid_host.diagnosis.reuse import belongs_to_record, matching
+from impid_host.diagnosis.reuse import belongs_to_record, matching, terms_of
 from impid_host.diagnosis.rows import columns_in, decimator
 from impid_host.diagnosis.saved_parts import SavedEffect
-from impid_host.effects.catalogue import CATALOGUE, terms
+from impid_host.effects.catalogue import CATALOGUE
+from impid_host.effects.effect import Ranges
 from impid_host.effects.view import View
 from impid_host.robot.terms import TERMS
 from impid_host.signals.arrays import Floats
@@ -22,9 +22,11 @@ _ROUNDS = 3
 _LEAST = 1e-9
 
 
-def own_of_record(effects: Sequence[SavedEffect], parts: Sequence[View], base: Base) -> list[Chosen]:
+def own_of_record(
+    effects: Sequence[SavedEffect], parts: Sequence[View], base: Base, ranges: Ranges | None
+) -> list[Chosen]:
     """Of the saved effects those that are the record's own, all their values zero yet."""
-    tried = terms(setting_of(parts, base, referenced=True))
+    tried = terms_of(parts, base, ranges)
     loads = {name for name, _ in base.loads}
     result = []
     for row in effects:
@@ -46,11 +48,12 @@ def refitted(
         fixed: effects that went along.
 
     Returns:
-        value, the effects with their values, without those that move no torque, and what was fitted, in
-        words.
+        value, the effects that move a torque with their values, and what was fitted, in words.
     """
     held = _constants(base)
     present = list(own)
+    if not held and not present:
+        return value, [], []
     for _ in range(_ROUNDS):
         blocks, target = _rows(parts, base, value, [*fixed, *present], present, held)
         size = np.linalg.norm(blocks, axis=0)
@@ -68,6 +71,8 @@ def refitted(
             if moved[place].any():
                 kept.append(replace(part, beta=part.beta + step[place]))
         present = kept
+        if not held and not present:
+            break
     names = base.structure.parameter_names
     words = [f"{names[k]} {value[k]:.4g}" for k in held] + [_words(part) for part in present]
     return value, present, words

@@ -16,7 +16,7 @@ from impid_host.diagnosis.correct import corrected
 from impid_host.diagnosis.noise import BLOCK_S, Taps, whitened
 from impid_host.diagnosis.parameters import at, count_of, fits_shape, parted, vector_of
 from impid_host.diagnosis.result import Chosen
-from impid_host.diagnosis.rows import REFERENCE, Index, Key, Run, rows_of, slots_of
+from impid_host.diagnosis.rows import REFERENCE, Key, Run, rows_of, slots_of
 from impid_host.effects.bounds import possible
 from impid_host.effects.effect import Term
 from impid_host.effects.view import Columns, View
@@ -55,16 +55,13 @@ class _Rows:
     """Whitened rows of the fit part: target (N,), base (N, b), slopes of the effects' parameters (N, k).
 
     Attributes:
-        block: number of each row's block of time, (N,); channel: number of its channel, (N,);
-        count: rows by channel, in the order of their numbers.
+        block: number of each row's block of time, (N,).
     """
 
     target: Floats
     base: Floats
     slopes: Floats
     block: Floats
-    channel: Index
-    count: dict[Key, int]
 
 
 def refit(case: Case, chosen: Sequence[Chosen], taps: Taps) -> Refit:
@@ -99,26 +96,54 @@ def refit(case: Case, chosen: Sequence[Chosen], taps: Taps) -> Refit:
     if chosen:
         covariance = _solved(rows)[1]
     views = tuple(_informed(case, views, chosen, value))
-    deviance = _deviance(rows, value) - 2.0 * _log_stretch(chosen, rows)
+    deviance = _deviance(case, views, chosen, value, taps)
     return Refit(views, parted(covariance, chosen), covariance, value, deviance)
 
 
-def _deviance(rows: _Rows, value: Floats) -> float:
-    left = rows.target - rows.base @ value
+def _deviance(
+    case: Case, views: Sequence[View], chosen: Sequence[Chosen], value: Floats, taps: Taps
+) -> float:
+    """-2 log likelihood of what was measured, each channel's noise level its own, up to a constant.
+
+    Effects are put into the prediction here, not taken out of the signals: undoing a lag or a gain would
+    change the
+    noise with the signal.
+    """
+    squares: dict[Key, list[Floats]] = {}
+    for view in views:
+        if view.name not in case.holdout.fit:
+            continue
+        left = _left_as_measured(case, view, chosen, value)
+        for run in whitened(rows_of(left, case.base, [], case.holdout), taps):
+            squares.setdefault(run.key, []).append(run.target**2)
     return sum(
-        float(own.sum() * np.log(max(np.mean(left[own] ** 2), 1e-300)))
-        for own in (rows.channel == number for number in range(len(rows.count)))
+        len(own) * float(np.log(max(np.mean(own), 1e-300)))
+        for own in (np.concatenate(parts) for parts in squares.values())
     )
 
 
-def _log_stretch(chosen: Sequence[Chosen], rows: _Rows) -> float:
-    """Log of the volume by which undoing the effects stretches the measurements (a change of variables)."""
-    return sum(
-        float(np.log(abs(factor))) * rows.count.get(key, 0)
-        for part in chosen
-        if part.term.stretch is not None
-        for key, factor in part.term.stretch(part.beta).items()
-    )
+def _left_as_measured(case: Case, view: View, chosen: Sequence[Chosen], value: Floats) -> View:
+    """The trial with the prediction, effects and all, subtracted from what was measured."""
+    true = case.base.informed(corrected(view, chosen), value)
+    assert true.response is not None
+    change: dict[str, Floats] = {}
+    for part in chosen:
+        if part.term.moves or not part.term.acts_in(view):
+            continue
+        if part.term.forward is not None:
+            added = part.term.forward(true, part.beta)
+        else:
+            blocks = part.term.columns(true, part.shape)
+            added = {family: block @ part.beta for family, block in blocks.items()}
+        for family, own in added.items():
+            change[family] = change[family] + own if family in change else own
+    nothing = np.zeros(())
+    left = replace(true, tau=view.tau - true.response["torque"] - change.get("torque", nothing))
+    if view.measured is not None:
+        left = replace(left, measured=view.measured - change.get("specific_force", nothing))
+    if view.force is not None and "force" in true.response:
+        left = replace(left, force=view.force + true.response["force"] + change.get("force", nothing))
+    return left
 
 
 def _informed(case: Case, views: Sequence[View], chosen: Sequence[Chosen], value: Floats) -> tuple[View, ...]:
@@ -173,14 +198,11 @@ def _rows(case: Case, views: Sequence[View], chosen: Sequence[Chosen], taps: Tap
         runs.append(case.references)
     wanted = np.arange(slots[-1].columns.stop if slots else 0)
     trials = {name: number for number, name in enumerate(sorted({run.trial for run in runs}))}
-    keys = sorted({run.key for run in runs})
     return _Rows(
         np.concatenate([run.target for run in runs]),
         np.concatenate([run.base for run in runs]),
         np.concatenate([run.columns(wanted) for run in runs]),
         np.concatenate([1e6 * trials[run.trial] + _block(run) for run in runs]),
-        np.concatenate([np.full(len(run.target), keys.index(run.key)) for run in runs]),
-        {key: sum(len(run.target) for run in runs if run.key == key) for key in keys},
     )
 
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from impid_host.effects.effect import UNATTRIBUTED, Carries, Plain, Term
+from impid_host.effects.effect import UNATTRIBUTED, Carries, Plain, Ranges, Term
 from impid_host.signals.arrays import Floats, Mask
 
 __all__ = ["UNATTRIBUTED"]
@@ -212,6 +212,7 @@ class Diagnosis:
         above_noise_floor: None where no floor is known.
         notes: what a reader must know: no accelerometer, trials left out.
         traces: residuals, to look at; prismatic: torques are forces, angles are places.
+        ranges: how far and fast the motion went.
         textbook: the textbook's model on the same data; None where they do not determine it.
     """
 
@@ -231,6 +232,7 @@ class Diagnosis:
     traces: tuple[Trace, ...] = ()
     prismatic: bool = False
     textbook: Stage | None = None
+    ranges: Ranges | None = None
 
 
 def as_array(value: Plain) -> Floats:

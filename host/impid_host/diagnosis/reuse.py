@@ -16,7 +16,7 @@ from impid_host.diagnosis.result import Chosen
 from impid_host.diagnosis.saved import SavedModel, file_hashes
 from impid_host.diagnosis.saved_parts import SavedEffect
 from impid_host.effects.catalogue import CATALOGUE, terms
-from impid_host.effects.effect import Term
+from impid_host.effects.effect import Ranges, Term
 from impid_host.effects.view import Columns, View
 from impid_host.errors import InputError
 from impid_host.impedance.campaign import Options, Progress, StudyFit, fit_aligned
@@ -86,7 +86,7 @@ def fit_with_model(
     if options.acceleration == "angles":
         parts = [replace(view, measured=None, predicted=None) for view in parts]
     base = base_of(parts, structure_of(study.setup, model), prior=True)
-    chosen, left_out = carried(saved.effects, saved.loads, parts, base)
+    chosen, left_out = carried(saved.effects, saved.loads, parts, base, saved.ranges)
     known = None
     if keep_robot or all(view.load is not None for view in parts):
         structure = robot_structure(model, options.terms) if options.terms else saved.structure.of(model)
@@ -129,15 +129,27 @@ def require_same_robot(saved: SavedModel, study: Study) -> None:
         raise InputError(saved.path, what, remedy)
 
 
+def terms_of(parts: Sequence[View], base: Base, ranges: Ranges | None) -> list[Term]:
+    """All terms on these views, in the forms that they had where the motion had the given ranges."""
+    setting = setting_of(parts, base, referenced=True)
+    return terms(
+        setting if ranges is None or len(ranges.span) != setting.joints else setting.at_ranges(ranges)
+    )
+
+
 def carried(
-    effects: Sequence[SavedEffect], loads: Iterable[str], parts: Sequence[View], base: Base
+    effects: Sequence[SavedEffect],
+    loads: Iterable[str],
+    parts: Sequence[View],
+    base: Base,
+    ranges: Ranges | None,
 ) -> tuple[list[Chosen], list[str]]:
     """The saved effects as parts of a model on these views, and those that are not carried over, with why.
 
     Args:
-        loads: on which they were found.
+        loads: on which they were found; ranges: of the motion there.
     """
-    tried = terms(setting_of(parts, base, referenced=True))
+    tried = terms_of(parts, base, ranges)
     again = {name for name, _ in base.loads} & set(loads)
     chosen, left_out = [], []
     for row in effects:

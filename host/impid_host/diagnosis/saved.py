@@ -3,7 +3,7 @@
 import hashlib
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +15,7 @@ from impid_host.diagnosis.base import structure_of, textbook_structure
 from impid_host.diagnosis.result import Diagnosis, Number
 from impid_host.diagnosis.saved_parts import (
     EffectTable,
+    RangesTable,
     SavedEffect,
     SavedStage,
     SavedStructure,
@@ -25,7 +26,7 @@ from impid_host.diagnosis.saved_parts import (
     structure_json,
     values_json,
 )
-from impid_host.effects.effect import UNATTRIBUTED
+from impid_host.effects.effect import UNATTRIBUTED, Ranges
 from impid_host.errors import InputError, UndeterminedError
 from impid_host.impedance.campaign import StudyFit
 from impid_host.impedance.identify import LoadFit, RobotFit
@@ -49,6 +50,7 @@ class SavedModel:
         alpha: (p,); covariance: (p, p).
         loads: names of the loads.
         structure: what alpha is multiplied with.
+        ranges: of the motion on which the effects were found; None where there are none.
         stages: the first model and one effect more at each; textbook: that model on the same data, or None.
     """
 
@@ -67,6 +69,7 @@ class SavedModel:
     structure: SavedStructure
     stages: tuple[SavedStage, ...]
     textbook: SavedStage | None
+    ranges: Ranges | None
 
 
 def model_json(diagnosis: Diagnosis, study: Study) -> Json:
@@ -95,6 +98,7 @@ def model_json(diagnosis: Diagnosis, study: Study) -> Json:
         "effects": effects,
         "stages": [stage_json(stage, structure) for stage in named],
         "textbook": None if textbook is None else stage_json(textbook, plain),
+        "ranges": None if diagnosis.ranges is None else asdict(diagnosis.ranges),
     }
 
 
@@ -122,6 +126,7 @@ def fit_json(fit: StudyFit, study: Study, textbook: StudyFit | None) -> Json:
         "effects": [],
         "stages": [_values(fit)],
         "textbook": plain,
+        "ranges": None,
     }
 
 
@@ -214,6 +219,7 @@ class _ModelFile(Table):
     effects: list[EffectTable]
     stages: list[StageTable] = Field(default_factory=list)
     textbook: StageTable | None = None
+    ranges: RangesTable | None = None
 
 
 def read_model(path: Path) -> SavedModel:
@@ -257,6 +263,7 @@ def read_model(path: Path) -> SavedModel:
         robot.structure.read(path),
         tuple(stage.read(path) for stage in file.stages),
         None if file.textbook is None else file.textbook.read(path),
+        None if file.ranges is None else file.ranges.read(),
     )
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from pydantic import Field
 
 from impid_host.diagnosis.result import Chosen, Stage
+from impid_host.effects.effect import Ranges
 from impid_host.errors import InputError
 from impid_host.robot.model import RobotModel
 from impid_host.robot.terms import TERMS, RobotStructure, robot_structure
@@ -146,6 +147,19 @@ class StageTable(Table):
         loads = {name: np.array(values) for name, values in self.load_values.items()}
         effects = tuple(part for row in self.effects for part in row.read(path))
         return SavedStage(self.added, self.structure.read(path), np.array(self.alpha), loads, effects)
+
+
+class RangesTable(Table):
+    """How far and fast the motion went, in the file."""
+
+    span: list[float]
+    speed: list[float]
+    reach: float = 0.0
+    duration_s: float
+
+    def read(self) -> Ranges:
+        """As it is used."""
+        return Ranges(tuple(self.span), tuple(self.speed), self.reach, self.duration_s)
 
 
 def part_json(part: Chosen) -> Json:

@@ -8,10 +8,8 @@ Statistics and Computing 27, 2017).
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from impid_host.diagnosis.noise import log_density
 from impid_host.diagnosis.rows import REFERENCE, Run
@@ -159,8 +157,9 @@ def _solutions(grams: Floats) -> Floats:
     A, b = grams[:, 1:, 1:].copy(), grams[:, 1:, :1]
     if A.shape[1] == 0:
         return np.zeros((len(A), 0))
-    diagonal: NDArray[np.floating[Any]] = np.einsum("bii->bi", A)
+    diagonal = np.einsum("bii->bi", A)
     # A column without data in the training part stays out of it: nothing is claimed there.
-    diagonal[...] += _RIDGE * np.maximum(diagonal.mean(axis=1, keepdims=True), 1e-12)
+    small = _RIDGE * np.maximum(diagonal.mean(axis=1), 1e-12)
+    A = A + small[:, None, None] * np.eye(A.shape[1])
     result: Floats = np.linalg.solve(A, b)[:, :, 0]
     return result

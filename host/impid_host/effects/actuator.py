@@ -21,7 +21,6 @@ from impid_host.effects.view import Columns, View, advanced, rate_of
 from impid_host.signals.arrays import Floats
 
 _MAX_DELAY_S = 0.1
-_BAND_HZ = 11.0
 
 
 def _gain(setting: Setting) -> Iterator[Term]:
@@ -123,6 +122,12 @@ def _delay(setting: Setting) -> Iterator[Term]:
             tau[:, joints] = advanced(view.tau[:, joints], view.t, float(beta[0]))
             return replace(view, tau=tau)
 
+        def delayed(view: View, beta: Floats, joints: tuple[int, ...] = joints) -> Columns:
+            change = np.zeros_like(view.torque_model)
+            own = view.torque_model[:, joints]
+            change[:, joints] = advanced(own, view.t, -float(beta[0])) - own
+            return {"torque": change}
+
         def ahead(view: View, _shape: float, joints: tuple[int, ...] = joints) -> Columns:
             return {"torque": -columns(view, _shape, joints)["torque"]}
 
@@ -139,6 +144,7 @@ def _delay(setting: Setting) -> Iterator[Term]:
             lambda beta, _shape, joints=joints: {"delay": _for_each(beta, joints)},  # type: ignore[misc]
             gate=lambda beta, _shape: bool(abs(beta[0]) < _MAX_DELAY_S),
             undo=late,
+            forward=delayed,
             by_model=True,
         )
         yield delay
@@ -146,13 +152,11 @@ def _delay(setting: Setting) -> Iterator[Term]:
             yield replace(
                 delay,
                 effect="actuator.lag",
+                forward=None,
                 columns=ahead,
                 read=lambda beta, _shape, joints=joints: {"time_constant": _for_each(beta, joints)},  # type: ignore[misc]
                 gate=lambda beta, _shape: bool(0 < beta[0] < _MAX_DELAY_S),
                 undo=lagged,
-                stretch=lambda beta, joints=joints: {  # type: ignore[misc]
-                    ("torque", joint): _lowered(float(beta[0])) for joint in joints
-                },
             )
 
 
@@ -167,12 +171,6 @@ def _low_passed(values: Floats, time_constant_s: float, dt: float) -> Floats:
     b, a = signal.bilinear([1.0], [time_constant_s, 1.0], 1.0 / dt)
     start = signal.lfilter_zi(b, a)[:, None] * values[:1]
     return np.asarray(signal.lfilter(b, a, values, axis=0, zi=start)[0], dtype=np.float64)
-
-
-def _lowered(time_constant_s: float) -> float:
-    """By how much a first-order lag lowers noise in the band: the mean of log 1 / |1 + j w T|."""
-    w = 2.0 * np.pi * np.linspace(0.0, _BAND_HZ, 50)
-    return float(np.exp(-np.mean(0.5 * np.log1p((w * time_constant_s) ** 2))))
 
 
 def _delay_rows(name: str) -> Callable[[Setting], list[Term]]:

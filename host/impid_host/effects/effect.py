@@ -87,6 +87,21 @@ class Setting:
     referenced: bool
     duration_s: float
 
+    def at_ranges(self, other: "Ranges") -> "Setting":
+        """The same apparatus, moved as in another record: terms that follow the motion are that record's."""
+        return replace(
+            self,
+            span=np.array(other.span),
+            speed=np.array(other.speed),
+            reach=other.reach,
+            duration_s=other.duration_s,
+        )
+
+    @property
+    def ranges(self) -> "Ranges":
+        """How far and fast the motion went."""
+        return Ranges(tuple(self.span.tolist()), tuple(self.speed.tolist()), self.reach, self.duration_s)
+
     @property
     def loads(self) -> tuple[str, ...]:
         """Names of all loads."""
@@ -96,6 +111,16 @@ class Setting:
     def both(self) -> bool:
         """There are free and loaded trials, so that an effect may be in some of them only."""
         return bool(self.loaded) and len(self.loaded) < len(self.trials)
+
+
+@dataclass(frozen=True, slots=True)
+class Ranges:
+    """How far and fast the motion of a record went: what some terms take their forms from; see Setting."""
+
+    span: tuple[float, ...]
+    speed: tuple[float, ...]
+    reach: float
+    duration_s: float
 
 
 def no_gate(_beta: Floats, _shape: float) -> bool:
@@ -119,8 +144,9 @@ class Term:
         units: of the reported parameters, where they differ from the catalogue's.
         undo: takes the effect out of a trial exactly, where subtracting its columns would not.
         stretch: beta -> by family and channel, the factor by which `undo` scales what was measured, noise
-        and all;
-            fits that undo different things are compared in the units of the log.
+        and all.
+        forward: what the effect adds to the model's prediction, exactly, where its columns do to first order.
+        moves: `undo` changes the motion, not what was measured: the prediction has it already.
         by_model: its columns follow the present model, which follows its parameters in turn.
         fine: the shape is too fine to be reported, but its neglect would bias the others.
         own: trials or loads that have a value each, in the order of the blocks of beta; empty where one is
@@ -141,6 +167,8 @@ class Term:
     units: Mapping[str, str] = field(default_factory=dict)
     undo: Undo | None = None
     stretch: Callable[[Floats], Mapping[tuple[str, int], float]] | None = None
+    forward: Callable[[View, Floats], Columns] | None = None
+    moves: bool = False
     by_model: bool = False
     fine: bool = False
     own: tuple[str, ...] = ()

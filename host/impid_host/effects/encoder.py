@@ -53,6 +53,7 @@ def _zero(setting: Setting) -> Iterator[Term]:
             lambda beta, _shape: {"zero_rad": float(beta[0])},
             undo=lambda view, beta, _shape, joint=joint: _unzeroed(view, joint, float(beta[0])),  # type: ignore[misc]
             by_model=True,
+            moves=True,
         )
 
 
@@ -75,6 +76,7 @@ def _eccentricity(setting: Setting) -> Iterator[Term]:
             gate=lambda beta, _shape: bool(np.hypot(*beta) < 0.2),
             undo=lambda view, beta, _shape, joint=joint: _centred(view, joint, beta),  # type: ignore[misc]
             by_model=True,
+            moves=True,
         )
 
 
@@ -122,6 +124,7 @@ def _scale(setting: Setting) -> Iterator[Term]:
                 size=len(joints),
                 undo=undo,
                 by_model=True,
+                moves=True,
                 variant=variant,
             )
 

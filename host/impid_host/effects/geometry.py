@@ -43,6 +43,7 @@ def _link_length(setting: Setting) -> Iterator[Term]:
             gate=lambda beta, _shape: bool(np.max(np.abs(beta)) < _LARGEST_M),
             undo=undo,
             by_model=True,
+            moves=True,
         )
 
 

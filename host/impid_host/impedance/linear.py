@@ -24,7 +24,7 @@ from impid_host.impedance.colour import Colour, colour_of
 from impid_host.signals.arrays import Floats
 
 _MAX_CONDITION = 1e7
-_ROWS_PER_PARAMETER = 3
+ROWS_PER_PARAMETER = 3
 _ROUNDS = 6
 _SETTLED = 1e-3  # of a standard deviation, from one round to the next
 _ROUNDING = 1e-7  # a column so much smaller than the largest one is a filter's rounding
@@ -119,7 +119,7 @@ class _Solution:
 
 def enough_rows(stretches: Sequence[Stretch], parameters: int) -> bool:
     """True where there are rows enough, instants times channels, for a fit of so many parameters."""
-    return sum(stretch.target.size for stretch in stretches) >= _ROWS_PER_PARAMETER * parameters
+    return sum(stretch.target.size for stretch in stretches) >= ROWS_PER_PARAMETER * parameters
 
 
 def fit_linear(

@@ -7,13 +7,14 @@ request pumps until its answer is there, so nothing that arrives meanwhile is lo
 import random
 import time
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, fields
+from dataclasses import MISSING, dataclass, fields
 from typing import Protocol
 
 from impid_host.clock.device import ClockExchange
 from impid_host.errors import LinkError
+from impid_host.link.board_info import BoardInfo
 from impid_host.link.link import Chunk, Link
 from impid_host.wire.decoder import LinkCounts
 from impid_host.wire.messages import ITEM, OPCODE, PROTOCOL_VERSION, RESULT, RESULT_NAME, choices
@@ -50,28 +51,6 @@ class _Nobody:
     def received(self, chunk: Chunk, decoded: Decoded) -> None: ...
     def sent(self, chunk: Chunk) -> None: ...
     def exchanged(self, exchange: ClockExchange, boot_id: int) -> None: ...
-
-
-@dataclass(frozen=True, slots=True)
-class BoardInfo:
-    """What a board says of itself; the fields are the INFO items of the message set."""
-
-    protocol_version: int
-    firmware_version: int
-    uid_0: int
-    uid_1: int
-    uid_2: int
-    boot_id: int
-    sample_rate_hz: int
-    group_delay_us: int
-    full_scale_code: int
-    vref_mv: int
-    batch_samples: int
-    oversampling: int
-    reset_cause: int
-    clock_source: int
-    self_test_x_mv: int
-    self_test_y_mv: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -153,25 +132,25 @@ class BoardClient:
                 self.listener.exchanged(exchange, pong.boot_id)
         return True
 
-    def request(self, opcode: str, item: int = 0, value: int = 0) -> Response:
-        """Ask and wait for the answer, three repeats included.
+    def request(self, opcode: str, item: int = 0, value: int = 0, tries: int = TRIES) -> Response:
+        """Ask and wait for the answer, repeats included.
 
         Raises:
             LinkError: no answer, a refusal, or the port is gone.
         """
-        answer = self._answer(opcode, item, value)
+        answer = self._answer(opcode, item, value, tries)
         if answer.result != RESULT["OK"]:
             reason = RESULT_NAME.get(answer.result, str(answer.result))
             raise LinkError(f"{self._link.name}: the board refuses {opcode} ({reason})")
         return answer
 
-    def _answer(self, opcode: str, item: int, value: int) -> Response:
+    def _answer(self, opcode: str, item: int, value: int, tries: int = TRIES) -> Response:
         """The answer, whatever it says.
 
         Raises:
             LinkError: none came, or the port is gone.
         """
-        answer = self._ask(opcode, item, value, TRIES)
+        answer = self._ask(opcode, item, value, tries)
         if answer is None:
             raise LinkError(self._silent(opcode))
         return answer
@@ -182,27 +161,31 @@ class BoardClient:
             "check that this is the board's port, its speed, and that the board runs impid firmware"
         )
 
-    def _answers_to(self, opcode: str, items: tuple[str, ...]) -> list[Response]:
-        """The answers to a few questions asked at once: a board that has been reset streams again soon.
+    def request_together(self, opcode: str, asked: Sequence[tuple[int, int]]) -> list[Response]:
+        """The answers, whatever they say, to a few requests (item, value) sent at once.
 
         Raises:
             LinkError: one has no answer.
         """
-        asked = {item: self._next_id() for item in items}
+        ids = [self._next_id() for _ in asked]
         carrier = self._link.carrier
-        answers: dict[str, Response] = {}
+        answers: dict[int, Response] = {}
         for _ in range(TRIES):
-            missing = [item for item in items if item not in answers]
-            frames = [carrier.encode_command(asked[item], OPCODE[opcode], ITEM[item], 0) for item in missing]
+            missing = [n for n in range(len(asked)) if n not in answers]
+            frames = [carrier.encode_command(ids[n], OPCODE[opcode], *asked[n]) for n in missing]
             self._send(carrier.preamble + b"".join(frames))
-            for item in missing:
-                answer = self._await_answer(asked[item])
+            for n in missing:
+                answer = self._await_answer(ids[n])
                 if answer is None:  # those behind it are asked for again with it
                     break
-                answers[item] = answer
-            if len(answers) == len(items):
-                return [answers[item] for item in items]
+                answers[n] = answer
+            if len(answers) == len(asked):
+                return [answers[n] for n in range(len(asked))]
         raise LinkError(self._silent(opcode))
+
+    def _answers_to(self, opcode: str, items: tuple[str, ...]) -> list[Response]:
+        """The answers to a few questions asked at once: a board that has been reset streams again soon."""
+        return self.request_together(opcode, [(ITEM[item], 0) for item in items])
 
     def _ask(self, opcode: str, item: int, value: int, tries: int) -> Response | None:
         request_id = self._next_id()
@@ -235,8 +218,12 @@ class BoardClient:
                 f"{self._link.name}: the board speaks protocol {version}, this program {PROTOCOL_VERSION}; "
                 "update the older of the two"
             )
-        names = (field.name for field in fields(BoardInfo))
-        return BoardInfo(**{name: self.request("INFO", ITEM[name.upper()]).value for name in names})
+        always = [field.name for field in fields(BoardInfo) if field.default is MISSING]
+        later = [field.name for field in fields(BoardInfo) if field.default is not MISSING]
+        told = {name: self.request("INFO", ITEM[name.upper()]).value for name in always}
+        answers = {name: self._answer("INFO", ITEM[name.upper()], 0) for name in later}
+        known = {name: answer.value for name, answer in answers.items() if answer.result == RESULT["OK"]}
+        return BoardInfo(**told, **known)
 
     def settings(self) -> dict[str, int]:
         """What the board keeps without power, by name; empty where its firmware knows no settings.

@@ -66,7 +66,7 @@ def lines(recording: Recording) -> Iterator[str]:
         yield f"  recorded {told['recorded_at']} by impid-host {told['host'].get('version', '?')}"
     if board:
         uid = "-".join(f"{int(board.get(f'uid_{n}', 0)):08x}" for n in range(3))
-        yield f"  board {uid}, firmware {board.get('firmware_version', '?')}"
+        yield f"  board {uid}, firmware {board.get('firmware', board.get('firmware_version', '?'))}"
     for run in told["runs"]:
         yield f"  run {run['run']} (boot {run['boot_id']}): {run['books']}"
         flags = ", ".join(f"{count} {name}" for name, count in run["flags"].items() if count)

@@ -1,5 +1,6 @@
 """Pushes on innovations of known power."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import cast
 
@@ -58,7 +59,5 @@ def test_a_quick_stretch_may_be_noisier() -> None:
 
 def test_an_accelerometer_alone_is_not_asked() -> None:
     runs, left, views = study(5, lambda t: np.where(t < 2.0, 50.0, 1.0))
-    from dataclasses import replace  # noqa: PLC0415
-
     assert not events([replace(run, family="specific_force") for run in runs], left, views)
     assert isinstance(events(runs, left, views)[0], Event)

@@ -84,7 +84,7 @@ def test_a_vector_there_and_back() -> None:
     assert [count_of(part) for part in chosen] == [3, 1]
     vector = vector_of(chosen)
     assert vector == pytest.approx([0.3, 0.4, 3.0, 0.2])
-    moved = at(chosen, [*vector, 0.1, 0.0, 1.0, -0.1])
+    moved = at(chosen, vector + np.array([0.1, 0.0, 1.0, -0.1]))
     assert moved[0].shape == 4.0 and moved[0].beta == pytest.approx([0.4, 0.4])
     assert moved[1].shape == dry.shapes[1] and moved[1].beta == pytest.approx([0.1])
     covariance = np.arange(16.0).reshape(4, 4)

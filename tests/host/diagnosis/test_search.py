@@ -32,14 +32,14 @@ def test_a_sparse_truth_is_found_and_nothing_else(seed: int) -> None:
     rows = Rows(MANY, seed=seed)
     found = search(rows.table(rows.target(truth)))
     assert names(found) == set(truth)
-    value = dict(zip((found.table.term(s).label for s in found.best.slots), found.best.slots, strict=True))
-    place = {s: k for k, s in enumerate(found.best.slots)}
-    first = sum(found.table.term(s).size for s in found.best.slots[: place[value["accel.scale@x"]]])
+    terms = [found.table.term(s) for s in found.best.slots]
+    place = [own.label for own in terms].index("accel.scale@x")
+    first = sum(own.size for own in terms[:place])
     assert found.best.beta[first] == pytest.approx(-0.4, abs=4 / np.sqrt(1600))
 
 
 def test_what_is_too_small_to_matter_is_not_named() -> None:
-    """A tenth of the noise's sd in 8,000 rows: nine standard errors, one percent of a row's variance."""
+    """0.1 sd of the noise in 8,000 rows: nine standard errors, and one percent of a row's variance."""
     rows = Rows(MANY, trials=20)
     table = rows.table(rows.target({"friction.coulomb@joint1": 0.1}))
     assert not search(table).best.slots

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from impid_host.diagnosis.diagnose import diagnose
 from impid_host.diagnosis.result import Diagnosis, Number
-from impid_host.effects.friction import presliding
+from impid_host.effects.friction import dahl
 from scipy.integrate import solve_ivp
 
 
@@ -35,7 +35,7 @@ def bent(joint: int, torque: float, width: float):
     return hook
 
 
-def test_presliding_is_the_solution_of_dahls_equation() -> None:
+def test_dahls_state_is_the_solution_of_dahls_equation() -> None:
     width = 0.01
     t = np.arange(0.0, 3.0, 1e-3)
     position = 0.05 * np.sin(2 * np.pi * t) + 0.02 * np.sin(5 * np.pi * t)
@@ -45,7 +45,7 @@ def test_presliding_is_the_solution_of_dahls_equation() -> None:
         return (1.0 - z * np.sign(speed)) * speed / width
 
     truth = solve_ivp(rate, (0.0, t[-1]), [0.0], t_eval=t, rtol=1e-9, atol=1e-9, max_step=1e-3).y[0]
-    assert np.max(np.abs(presliding(position, width) - truth)) < 2e-3
+    assert np.max(np.abs(dahl(position, width) - truth)) < 2e-3
 
 
 def test_friction_that_bends_before_it_slides_keeps_its_torque(make) -> None:

@@ -187,7 +187,7 @@ def _view(kind: Kind, model: RobotModel, number: int) -> View:
 
 
 def _value(base: Base) -> np.ndarray:
-    """Robot and loads of ordinary size: M 1 kg, B 8 N s/m, K 300 and 200 N/m about (0.3, 0.1, 0.2) m."""
+    """A robot and loads of ordinary size: 1 kg, 8 N s/m, 300 and 200 N/m about (0.3, 0.1, 0.2) m."""
     value = np.zeros(base.size)
     if not base.bare:
         names = base.structure.parameter_names

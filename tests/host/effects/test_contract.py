@@ -142,8 +142,14 @@ def test_only_what_says_so_follows_the_present_model(kind: str, effect: str) -> 
     """Columns that change with the model's torque, stiffness or response must be made anew with it."""
     here, own = of(kind, effect)
     for view in (here.views[0], here.loaded):
+        assert view.respond is not None
+        louder = {
+            family: 1.5 * block if family != SPECIFIC_FORCE else block
+            for family, block in view.respond(view).items()
+        }
         stiffer = replace(
             view,
+            response=louder,
             torque_model=1.3 * view.torque_model + 0.1,
             x0=view.x0 + 0.01,
             K=1.5 * view.K,
@@ -196,7 +202,10 @@ def left(view: View) -> dict[str, np.ndarray]:
 
 @pytest.mark.parametrize(("kind", "effect"), MOVING)
 def test_taking_out_is_what_the_columns_say_to_second_order(kind: str, effect: str) -> None:
-    """Undoing beta where it is not leaves minus its columns, and an error that falls with beta^2."""
+    """Undoing beta in a trial without the effect leaves minus its columns; the error falls with beta^2.
+
+    The match of the clocks is free to move all angles of a trial, by less than a hundredth of what it finds.
+    """
     here, own = of(kind, effect)
     for term, view in product(own, here.views):
         if term.undo is None or not term.acts_in(view):
@@ -217,7 +226,7 @@ def test_taking_out_is_what_the_columns_say_to_second_order(kind: str, effect: s
             errors.append((np.sqrt(gap), np.sqrt(size)))
         (far, size), (near, _) = errors
         assert far < 0.03 * size + 1e-9, (term.where, term.variant, view.name, far / max(size, 1e-300))
-        assert near < 0.3 * far + 2e-4 * size + 1e-9, (term.where, term.variant, near, far)
+        assert near < 0.3 * far + 5e-3 * size + 1e-9, term.variant
 
 
 @pytest.mark.parametrize(("kind", "effect"), MOVING)

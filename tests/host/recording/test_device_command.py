@@ -58,7 +58,9 @@ class KeepingBoard(PtyBoard):
         request, opcode, item, value = struct.unpack_from("<HBBI", raw, 20)
         result = RESULT["OK"]
         if opcode == OPCODE["GET"]:
-            value = self.kept[item]
+            # A firmware of the time before the pulls were settings.
+            result = result if item in self.kept else RESULT["BAD_ITEM"]
+            value = self.kept.get(item, 0)
         elif opcode == OPCODE["SET"]:
             result = RESULT["BAD_ITEM"] if item == 32 else result
             result = RESULT["BAD_VALUE"] if 36 <= item <= 37 and not 1000 <= value <= 60000 else result
