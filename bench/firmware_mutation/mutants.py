@@ -88,5 +88,4 @@ class Workshop:
         )
         if done.returncode:
             raise MutantError(f"does not build: {(done.stdout + done.stderr).strip()[-400:]}")
-        (image,) = (self._folder / ".pio" / "build" / environment).glob("*.elf")
-        return image
+        return self._folder / ".pio" / "build" / environment / "firmware.elf"
