@@ -128,11 +128,10 @@ def drives_the_self_test(image: Path, wiring: Wiring) -> None:
     assert (seen[0], any(seen), seen[-1]) == (False, True, False), "pin before, during, after"
 
 
-def outside_of_settings(flash: bytearray) -> bytes:
+def outside_of_settings(flash: memoryview) -> tuple[bytes, bytes]:
     """The loader before them and the firmware behind them."""
-    return bytes(
-        flash[: sector_range(SETTINGS_SECTORS[0])[0]] + flash[sum(sector_range(SETTINGS_SECTORS[-1])) :]
-    )
+    begin, end = sector_range(SETTINGS_SECTORS[0])[0], sum(sector_range(SETTINGS_SECTORS[-1]))
+    return bytes(flash[:begin]), bytes(flash[end:])
 
 
 def keeps_settings(image: Path, wiring: Wiring) -> None:
