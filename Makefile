@@ -63,6 +63,7 @@ validate: $(STAMP) ## the long forms, with their figures written to docs/validat
 	$(BIN)/python scripts/validate/second_paper.py
 	$(BIN)/python scripts/validate/measured_impedance.py
 	$(BIN)/python scripts/validate/measured_diagnosis.py
+	$(BIN)/python scripts/validate/planted.py
 	@mkdir -p build
 	$(BIN)/python bench/diagnosis_validation.py run build/diagnosis.jsonl --first-seed 500000 --jobs 2
 	$(BIN)/python bench/diagnosis_validation.py table build/diagnosis.jsonl \

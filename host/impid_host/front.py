@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from impid_host.checks import Checks, agreement, check_study
-from impid_host.checks.of_diagnosis import gate_diagnosis
+from impid_host.checks.of_diagnosis import beside_diagnosis
 from impid_host.checks.of_fit import gate_fit
 from impid_host.diagnosis.diagnose import diagnose as _diagnose
 from impid_host.diagnosis.result import Diagnosis
@@ -154,7 +154,7 @@ def diagnose(study: Study | str | Path) -> Diagnosed:
     """
     own = _study(study)
     answer = _diagnose(own)
-    checks = check_study(own).with_more(gate_diagnosis(own, answer))
+    checks = beside_diagnosis(own, answer, check_study(own))
     document = diagnosis_json(answer, checks)
     document["verdict"] = beside_checks(answer.verdict, checks)
     return Diagnosed(answer, checks, document)

@@ -6,8 +6,29 @@ from impid_host.checks.check import Checks
 from impid_host.checks.gate import LoadNumbers, gate
 from impid_host.checks.signals import signals_of
 from impid_host.diagnosis.result import Diagnosis, Number
+from impid_host.effects.effect import UNATTRIBUTED
 from impid_host.impedance.matrices import Quantity
 from impid_host.study.model import Study
+
+_OF_RESULTS = ("result.", "vaf.", "methods.", "trials.", "accelerations.")
+
+
+def beside_diagnosis(study: Study, answer: Diagnosis, before: Checks) -> Checks:
+    """What was found before, and the gate of the last stage, which decides.
+
+    A first model with an impossible inertia, or with trials that disagree, is evidence for a named effect
+    that makes
+    both right, and no error of the input.
+    """
+    last = gate_diagnosis(study, answer)
+    named = any(s.added is not None and s.added.effect != UNATTRIBUTED for s in answer.stages)
+    explained = named and answer.above_noise_floor is not True and last.trusted
+    return (of_input(before) if explained else before).with_more(last)
+
+
+def of_input(before: Checks) -> Checks:
+    """Without what was said of the first model's numbers, where another model takes its place."""
+    return Checks.of(own for own in before if not own.what.startswith(_OF_RESULTS))
 
 
 def gate_diagnosis(study: Study, answer: Diagnosis) -> Checks:

@@ -41,7 +41,20 @@ def gate_fit(study: Study, result: StudyFit) -> Checks:
         theta=np.concatenate(theta) if theta else None,
         loads=loads,
     )
-    return found.with_more(_negative(result))
+    return found.with_more(_negative(result)).with_more(_undetermined(result))
+
+
+def _undetermined(result: StudyFit) -> Iterator[Check]:
+    """Loads of which the trials show combinations alone."""
+    for fit in result.partial:
+        yield Check(
+            "result.undetermined",
+            fit.load,
+            "suspect",
+            f"{fit.load}, {_METHODS[fit.method]}: {fit.reason}",
+            {"trials": list(fit.trials)},
+            "record a trial that moves along both axes and at more than one frequency",
+        )
 
 
 def _negative(result: StudyFit) -> Iterator[Check]:

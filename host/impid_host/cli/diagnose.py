@@ -10,7 +10,7 @@ from rich.progress import Progress
 from rich.table import Table
 
 from impid_host.checks import check_study
-from impid_host.checks.of_diagnosis import gate_diagnosis
+from impid_host.checks.of_diagnosis import beside_diagnosis
 from impid_host.cli.checked import IMPOSSIBLE, refused
 from impid_host.cli.inputs import load_inputs
 from impid_host.diagnosis.diagnose import diagnose
@@ -59,7 +59,7 @@ def command(study: Path, json_to: str | None, figures: Path | None, save_model: 
             answer = diagnose(read, lambda words, share: bar.update(task, description=words, completed=share))
         except UndeterminedError as error:
             refused(read, checks, error, json_to)
-    checks = checks.with_more(gate_diagnosis(read, answer))
+    checks = beside_diagnosis(read, answer, checks)
     answer = replace(answer, verdict=beside_checks(answer.verdict, checks))
     if json_to != "-":
         print_above(table_console(), checks)

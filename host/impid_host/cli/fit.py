@@ -9,6 +9,7 @@ import click
 from rich.console import Console
 
 from impid_host.checks import Agreement, Checks, agreement, check_study
+from impid_host.checks.of_diagnosis import of_input
 from impid_host.checks.of_fit import gate_fit
 from impid_host.cli.checked import IMPOSSIBLE, refused, unconfirmed
 from impid_host.cli.inputs import load_inputs
@@ -224,6 +225,8 @@ def _answer(
             from impid_host.diagnosis.reuse import fit_with_model  # noqa: PLC0415  (the catalogue is slow to import)
 
             result, provenance = fit_with_model(study, saved, options, progress, keep_robot=keep_robot)
+            # What is judged is the study with the model's effects taken out.
+            checks = of_input(checks)
     except UndeterminedError as error:
         refused(study, checks, error, json_to)
     twice = agreement(study, result.loads)

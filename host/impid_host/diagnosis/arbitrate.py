@@ -122,9 +122,11 @@ def _as_chosen(choice: Choice, slot: int, rival: int) -> Chosen:
 
 def _differ(stages: Sequence[Stage]) -> bool:
     """Whether any two would report another robot or load, by more than nobody would care about."""
-    first = stages[0]
+    first = _numbers(stages[0])
     return any(
-        _apart(a, b) for other in stages[1:] for a, b in zip(_numbers(first), _numbers(other), strict=True)
+        name not in own or _apart(number, own[name])
+        for own in (_numbers(other) for other in stages[1:])
+        for name, number in first.items()
     )
 
 
@@ -136,8 +138,10 @@ def _apart(one: Number, other: Number) -> bool:
     return bool(np.any((gap > _MATERIAL * size) & (gap > np.minimum(one.half, other.half))))
 
 
-def _numbers(stage: Stage) -> list[Number]:
-    return [stage.alpha, *(n for _, load in sorted(stage.loads.items()) for _, n in sorted(load.items()))]
+def _numbers(stage: Stage) -> dict[tuple[str, str], Number]:
+    """Everything that a stage reports, by load and letter."""
+    loads = {(name, letter): own for name, load in stage.loads.items() for letter, own in load.items()}
+    return {("", "alpha"): stage.alpha, **loads}
 
 
 def _between_instruments(labels: Sequence[str]) -> bool:
@@ -149,7 +153,7 @@ def _covered(stage: Stage, others: Sequence[Stage]) -> Stage:
     alpha = _hull([stage.alpha, *(other.alpha for other in others)])
     loads = {
         name: {
-            letter: _hull([number, *(o.loads[name][letter] for o in others)])
+            letter: _hull([number, *(o.loads[name][letter] for o in others if letter in o.loads[name])])
             for letter, number in load.items()
         }
         for name, load in stage.loads.items()

@@ -10,8 +10,9 @@ from collections.abc import Sequence
 import numpy as np
 from scipy import signal
 
+from impid_host.diagnosis.holdout import FIT, Holdout
 from impid_host.effects.view import View
-from impid_host.signals.arrays import Floats
+from impid_host.signals.arrays import Floats, Mask
 
 WIDEST_HZ = 11.0
 _NARROWEST_HZ = 5.0
@@ -21,29 +22,29 @@ _PART = 0.05  # of the torque's own noise density: most that the encoders' may b
 _NOISE_HZ = (25.0, 45.0)  # above all motion, below the filter that the views have passed
 
 
-def band_hz(views: Sequence[View]) -> float:
-    """Cut-off for all trials alike, Hz."""
-    return min((_band(view) for view in views), default=WIDEST_HZ)
+def band_hz(views: Sequence[View], holdout: Holdout) -> float:
+    """Cut-off for all trials alike, Hz, by the fit part of each."""
+    return min((_band(view, holdout.mask(view, FIT)) for view in views), default=WIDEST_HZ)
 
 
-def quick_band_hz(views: Sequence[View]) -> float:
+def quick_band_hz(views: Sequence[View], holdout: Holdout) -> float:
     """The same for a joint that is shaken as such: as wide as its motion is, by its speed.
 
     A perturbed human joint moves up to some 30 Hz, and its inertia shows nowhere but there.
     """
     ends = []
     for view in views:
-        for joint in range(view.joints):
-            frequency, power = signal.welch(view.omega[view.valid, joint], view.rate_hz, nperseg=1024)
+        rows = holdout.mask(view, FIT)
+        for joint in range(view.joints if rows.sum() > 1024 else 0):
+            frequency, power = signal.welch(view.omega[rows, joint], view.rate_hz, nperseg=1024)
             share = np.cumsum(power) / max(float(power.sum()), 1e-300)
             ends.append(float(frequency[np.searchsorted(share, _MOST_OF_SPEED)]))
     return float(np.clip(max(ends, default=0.0), WIDEST_HZ, _QUICKEST_HZ))
 
 
-def _band(view: View) -> float:
-    if view.rate_hz < 2.2 * _NOISE_HZ[1] or view.valid.sum() < 4 * view.rate_hz:
+def _band(view: View, rows: Mask) -> float:
+    if view.rate_hz < 2.2 * _NOISE_HZ[1] or rows.sum() < 4 * view.rate_hz:
         return WIDEST_HZ
-    rows = view.valid
     result = WIDEST_HZ
     for joint in range(view.joints):
         frequency, acc = _density(view.acc[rows, joint], view.rate_hz)

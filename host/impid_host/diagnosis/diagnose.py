@@ -18,10 +18,10 @@ from impid_host.diagnosis.refit import Refit
 from impid_host.diagnosis.result import Chosen, Diagnosis, Evidence, Floor, Stage, Structure
 from impid_host.diagnosis.stages import Bench, named_stages, unattributed
 from impid_host.diagnosis.ties import chosen_slots
-from impid_host.diagnosis.tolerance import with_tolerance
+from impid_host.diagnosis.tolerance import in_words, with_tolerance
 from impid_host.diagnosis.traces import traces
 from impid_host.diagnosis.verdict import sentence
-from impid_host.effects.bounds import possible
+from impid_host.effects.bounds import negligible, possible
 from impid_host.robot.model import RobotModel
 from impid_host.signals.chain import PUBLISHED_CUTOFF_HZ
 from impid_host.study.model import Study
@@ -63,7 +63,7 @@ def diagnose(study: Study, progress: Progress = silent) -> Diagnosis:
     above = above_floor(stages[-1], floor, left)
     if above and (left or choice.rejected):
         stages = (*stages[:-1], widened(stages[-1], floor))
-    notes = notes_of(choice, last, study)
+    notes = [*notes_of(choice, last, study), *in_words(stages[-1])]
     return Diagnosis(
         study=study.name,
         baseline=baseline(study.setup, case.base.model),
@@ -113,7 +113,9 @@ def stands(bench: Bench, named: Mapping[int, Chosen]) -> tuple[dict[int, Chosen]
         bad = [
             s
             for s, part in zip(kept, fit.chosen, strict=True)
-            if not possible(part.term, part.beta, part.shape) or holds_zero(part)
+            if not possible(part.term, part.beta, part.shape)
+            or negligible(part.term, part.beta, part.shape)
+            or holds_zero(part)
         ]
         if not bad:
             return kept, fit

@@ -7,6 +7,7 @@ import numpy as np
 
 from impid_host.diagnosis.band import WIDEST_HZ, band_hz, quick_band_hz
 from impid_host.diagnosis.base import Base
+from impid_host.diagnosis.holdout import hold_out
 from impid_host.diagnosis.oddities import Oddity, odd_rows
 from impid_host.effects.effect import Setting
 from impid_host.effects.view import View, rate_of, rotated
@@ -40,9 +41,10 @@ def views(study: Study, model: RobotModel) -> tuple[list[View], list[Oddity]]:
         bad, found = odd_rows(trial.name, robot_rows(trial.robot))
         result.append(view_of(trial, study.setup, model, bad))
         oddities += found
-    cutoff = min(band_hz(result), *(HIGHEST_OF_RATE * view.meeting_hz for view in result))
+    holdout = hold_out(result)
+    cutoff = min(band_hz(result, holdout), *(HIGHEST_OF_RATE * view.meeting_hz for view in result))
     if model.task_is_rotary:
-        cutoff = quick_band_hz(result)
+        cutoff = quick_band_hz(result, holdout)
         report = max(PUBLISHED_CUTOFF_HZ, cutoff if cutoff > WIDEST_HZ else 0.0)
         return [replace(view, cutoff_hz=cutoff, report_hz=report) for view in result], oddities
     return [replace(view, cutoff_hz=cutoff) for view in result], oddities

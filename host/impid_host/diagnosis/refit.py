@@ -116,10 +116,8 @@ def _deviance(
         left = _left_as_measured(case, view, chosen, value)
         for run in whitened(rows_of(left, case.base, [], case.holdout), taps):
             squares.setdefault(run.key, []).append(run.target**2)
-    return sum(
-        len(own) * float(np.log(max(np.mean(own), 1e-300)))
-        for own in (np.concatenate(parts) for parts in squares.values())
-    )
+    joined = [np.concatenate(parts) for parts in squares.values()]
+    return sum(len(own) * float(np.log(np.mean(own) + 1e-300)) for own in joined)
 
 
 def _left_as_measured(case: Case, view: View, chosen: Sequence[Chosen], value: Floats) -> View:

@@ -81,6 +81,9 @@ def fit_with_model(
     """
     model = robot_model(study.setup.robot)
     require_same_robot(saved, study)
+    if not options.terms:
+        # The robot as the saved model describes it: dry friction of a textbook's robot is part of it.
+        options = replace(options, terms=tuple(term.name for term in saved.structure.of(model).terms))
     progress("aligning")
     parts, _ = views(study, model)
     if options.acceleration == "angles":
@@ -89,7 +92,7 @@ def fit_with_model(
     chosen, left_out = carried(saved.effects, saved.loads, parts, base, saved.ranges)
     known = None
     if keep_robot or all(view.load is not None for view in parts):
-        structure = robot_structure(model, options.terms) if options.terms else saved.structure.of(model)
+        structure = robot_structure(model, options.terms)
         known = _saved_robot(saved, structure.parameter_names)
         robot = RobotParameters(structure, known[0], known[1], "saved model")
     origin = "the saved model" if known is not None else "this study's own trials"

@@ -17,6 +17,7 @@ from impid_host.diagnosis.table import Table
 from impid_host.signals.arrays import Floats
 
 _RIDGE = 1e-9
+_KEPT_BYTES = 100_000_000  # of sums; beyond, they are formed anew
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,6 +92,10 @@ class Scorer:
 
     def _grams(self, table: Table, slots: Sequence[int]) -> Floats:
         """Gram matrices of [target | base | terms], one for each unit, (U, m, m)."""
+        kept = [*self._beside.values(), *self._between.values()]
+        if sum(own.nbytes for own in kept) > _KEPT_BYTES:
+            self._beside.clear()
+            self._between.clear()
         first = self._base.shape[1]
         sizes = [table.term(s).size for s in slots]
         places = first + np.concatenate([[0], np.cumsum(sizes)]).astype(int)

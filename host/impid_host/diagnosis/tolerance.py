@@ -61,6 +61,20 @@ def with_tolerance(
     return replace(stage, loads=loads, parts=parts)
 
 
+def in_words(stage: Stage) -> list[str]:
+    """What each load's stiffness owes its interval to, largest relative half width of its entries."""
+    words = []
+    for name, own in stage.parts.items():
+        if "K" not in own or "K" not in stage.loads[name]:
+            continue
+        size = float(np.max(np.abs(stage.loads[name]["K"].value))) + 1e-300
+        shares = {cause: 100 * float(np.max(half)) / size for cause, half in own["K"].items()}
+        whole = 100 * float(np.max(stage.loads[name]["K"].half)) / size
+        causes = ", ".join(f"{share:.2g} % by {cause}" for cause, share in shares.items())
+        words.append(f"K's interval of {whole:.2g} % in {name}: {causes}")
+    return words
+
+
 def _longer(fit: Refit, link: int, by_m: float) -> Refit:
     return replace(fit, views=tuple(lengthened(view, link, by_m) for view in fit.views))
 

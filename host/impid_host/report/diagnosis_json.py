@@ -74,16 +74,11 @@ def _stage(stage: Stage) -> Json:
         parameters["loads"] = {name: _numbers(load) for name, load in stage.loads.items()}
     if len(stage.loads) == 1:
         parameters |= _numbers(next(iter(stage.loads.values())))
-    parts = {
-        name: {letter: {cause: half.tolist() for cause, half in own.items()} for letter, own in load.items()}
-        for name, load in stage.parts.items()
-    }
     return {
         "added": None if stage.added is None else _added(stage.added),
         "validation_rms": dict(stage.rms),
         "vaf": dict(stage.vaf),
         "parameters": parameters,
-        **({"ci95_half_parts": parts} if parts else {}),
     }
 
 

@@ -31,7 +31,7 @@ class World:
     """One study's truth; hooks are the effects, each does nothing by default."""
 
     seed: int
-    duration: float = 30.0
+    duration: float = 20.0
     free: int = 2
     loaded: int = 2
     same_load: bool = False
@@ -128,6 +128,8 @@ def noise(rng, kind, shape):
         spectrum = np.fft.rfft(white, axis=0)
         f = np.maximum(np.arange(len(spectrum)), 1)[:, None]
         out = np.fft.irfft(spectrum / np.sqrt(f), shape[0], axis=0)
+    elif kind == "t":
+        out = rng.standard_t(3, size=shape)
     elif kind == "heteroscedastic":
         out = white * np.exp(np.cumsum(rng.normal(0, 0.005, shape), axis=0))
     else:

@@ -7,21 +7,34 @@ from typing_extensions import TypeAliasType
 
 ALPHABET = ("joint1", "joint2", "x", "y", "tip", "load", "sensor")
 _FAMILIES = {
-    "friction": ["coulomb", "stribeck", "asymmetric", "quadratic", "position"],
+    "friction": ["coulomb", "stribeck", "asymmetric", "quadratic", "position", "load", "presliding"],
     "elastic": ["cartesian", "joint", "transmission"],
     "damping": ["cartesian"],
-    "gravity": ["tilt"],
+    "gravity": ["tilt", "link"],
     "inertia": ["extra"],
-    "actuator": ["gain", "offset", "cogging", "delay"],
+    "actuator": ["gain", "offset", "cogging", "delay", "lag"],
     "accel": ["misalignment", "scale", "bias", "cross_axis", "delay", "lever_arm"],
-    "encoder": ["eccentricity", "zero"],
+    "encoder": ["eccentricity", "zero", "scale"],
+    "geometry": ["link_length"],
     "clock": ["drift"],
-    "load": ["damping", "stiffness_cubic", "hysteresis", "deadzone", "delay", "drift", "coupling"],
+    "force": ["scale", "misalignment", "cross_axis", "bias", "delay"],
+    "load": [
+        *(
+            "damping",
+            "stiffness_cubic",
+            "hysteresis",
+            "deadzone",
+            "delay",
+            "drift",
+            "coupling",
+            "time_varying",
+        ),
+    ],
 }
 EFFECTS = {f"{family}.{name}" for family, names in _FAMILIES.items() for name in names} | {"unattributed"}
 Nested = TypeAliasType("Nested", "FiniteFloat | list[Nested]")
 Place = Literal["joint1", "joint2", "x", "y", "tip", "load", "sensor"]
-Channel = Literal["tau1", "tau2", "fx", "fy", "fsx", "fsy"]
+Channel = Literal["tau1", "tau2", "fx", "fy", "fsx", "fsy", "tau1_load"]
 Variable = Literal[
     "theta1", "theta2", "omega1", "omega2", "x", "y", "speed", "time", "frequency", "direction", "one_trial"
 ]
@@ -54,14 +67,22 @@ def shape(value: Any) -> tuple[int, ...]:
 
 
 class Number(Strict):
-    value: Nested
-    ci95: Nested
+    """A value with its interval; what differs from trial to trial has one value each, by its name."""
+
+    value: Nested | dict[str, Nested]
+    ci95: Nested | dict[str, Nested]
     unit: str
 
     @model_validator(mode="after")
     def interval_around_value(self) -> "Number":
-        assert shape(self.ci95) == (*shape(self.value), 2)
-        check(self.value, self.ci95)
+        if isinstance(self.value, dict):
+            assert isinstance(self.ci95, dict) and list(self.value) == list(self.ci95)
+            pairs = [(self.value[name], self.ci95[name]) for name in self.value]
+        else:
+            pairs = [(self.value, self.ci95)]
+        for value, interval in pairs:
+            assert shape(interval) == (*shape(value), 2)
+            check(value, interval)
         return self
 
 
@@ -94,13 +115,17 @@ class Rival(Strict):
 
 class Evidence(Strict):
     share_of_residual: Annotated[FiniteFloat, Field(ge=0, le=1)]
-    p_value: Annotated[FiniteFloat, Field(gt=0, le=1)]
+    gain: FiniteFloat
+    gain_se: Annotated[FiniteFloat, Field(ge=0)]
+    confidence: Annotated[FiniteFloat, Field(ge=0, le=1)]
     runner_up: Rival | None
 
 
 class Added(Strict):
     effect: Name
     where: Place | list[Place]
+    when: Literal["all", "free", "load"] | list[str]
+    carries: Literal["machine", "record", "load"]
     parameters: dict[str, Number]
     evidence: Evidence
 
@@ -128,13 +153,23 @@ class Shape(Strict):
 
 class Unexplained(Strict):
     share_of_residual: Annotated[FiniteFloat, Field(ge=0)]
-    above_noise_floor: bool
+    above_noise_floor: bool | None
     structure: list[Shape]
 
 
+class Check(Open):
+    what: str
+    where: Any
+    verdict: Literal["impossible", "contradiction", "suspect"]
+    words: str
+    evidence: dict[str, Any]
+    remedy: str | None
+
+
 class Tie(Strict):
-    candidates: list[str]
-    tell_apart_by: str
+    candidates: Annotated[list[str], Field(min_length=2)]
+    tell_apart_by: Annotated[str, Field(min_length=1)]
+    parameters: dict[str, Parameters]
 
     @model_validator(mode="after")
     def effect_at_place(self) -> "Tie":
@@ -142,6 +177,7 @@ class Tie(Strict):
             effect, _, places = label.partition("@")
             known(effect)
             assert set(places.split("+")) <= set(ALPHABET), label
+        assert set(self.parameters) <= set(self.candidates)
         return self
 
 
@@ -153,7 +189,12 @@ class Trials(Strict):
 class Contract(Open):
     format: Literal["impid-diagnosis/1"]
     study: str
+    baseline: Literal["papers", "textbook"]
+    verdict: Annotated[str, Field(min_length=1)]
+    checks: list[Check]
+    trusted: bool
     trials: Trials
+    noise_floor: dict[Channel, FiniteFloat | None]
     stages: Annotated[list[Stage], Field(min_length=1)]
     unexplained: Unexplained
     ambiguous: list[Tie]
@@ -166,4 +207,7 @@ class Contract(Open):
         assert "unattributed" not in names[:-1]
         keys = [(set(stage.validation_rms), set(stage.vaf)) for stage in self.stages]
         assert all(own == keys[0] and own[0] == own[1] for own in keys)
+        assert set(self.noise_floor) == keys[0][0]
+        if not any(self.noise_floor.values()) and not self.unexplained.structure:
+            assert self.unexplained.above_noise_floor is None
         return self

@@ -14,10 +14,10 @@ from .contract import Contract
 from .machines import Case, build
 
 
-def answer_of(study: Study, folder: Path) -> Contract:
+def answer_of(study: Study, folder: Path, *more: str) -> Contract:
     """Through the command, as anyone would get it; NaN and Infinity are no JSON."""
     write_study(study, folder / "study")
-    arguments = ["diagnose", str(folder / "study"), "--json", str(folder / "d.json")]
+    arguments = ["diagnose", str(folder / "study"), "--json", str(folder / "d.json"), *more]
     result = CliRunner().invoke(cli, arguments, catch_exceptions=False)
     assert result.exit_code == 0, result.output
 
@@ -26,12 +26,6 @@ def answer_of(study: Study, folder: Path) -> Contract:
 
     content = json.loads((folder / "d.json").read_text(), parse_constant=refuse)
     return Contract.model_validate_json(json.dumps(content))
-
-
-def dry(m, load):
-    out = np.zeros_like(m.q)
-    out[:, 0] = 0.03 * np.tanh(m.w[:, 0] / 1e-4)
-    return out
 
 
 def bump(m, load):
@@ -43,22 +37,32 @@ def bump(m, load):
 def test_clean_study_with_a_force_sensor(make, tmp_path: Path) -> None:
     answer = answer_of(make(41, force_sensor=True), tmp_path)
     assert len(answer.stages) == 1
+    assert answer.baseline == "papers"
     assert set(answer.stages[0].validation_rms) == {"tau1", "tau2", "fx", "fy", "fsx", "fsy"}
     assert set(answer.stages[0].parameters.loads) == {"spring_A0", "spring_B0"}
-    assert not answer.unexplained.above_noise_floor
+    assert answer.unexplained.above_noise_floor is False
+    assert answer.verdict.startswith("nothing is missing")
+    assert answer.trusted
 
 
-def test_friction_on_both_joints_is_one_entry(make, tmp_path: Path) -> None:
+def test_friction_on_both_joints_is_one_entry_and_is_saved(make, tmp_path: Path) -> None:
     def both(m, load):
         return 0.03 * np.tanh(m.w / 1e-4)
 
-    answer = answer_of(make(42, torque=[both]), tmp_path)
+    model = tmp_path / "model.json"
+    answer = answer_of(make(42, torque=[both], device=False), tmp_path, "--save-model", str(model))
     added = answer.stages[-1].added
     assert added is not None
     assert (added.effect, added.where) == ("friction.coulomb", ["joint1", "joint2"])
     assert added.parameters["torque"].value == pytest.approx([0.03, 0.03], rel=0.03)
     assert added.parameters["torque"].unit == "N*m"
-    assert added.evidence.p_value < 1e-12
+    assert (added.when, added.carries) == ("all", "machine")
+    assert added.evidence.gain > 5 * added.evidence.gain_se
+    assert "friction.coulomb on joint1 and joint2" in answer.verdict
+    saved = json.loads(model.read_text())
+    assert [row["effect"] for row in saved["effects"]] == ["friction.coulomb"]
+    # setup.toml, and of each trial its own file and the robot's log.
+    assert len(saved["data_sha256"]) == 1 + 2 * 4
 
 
 def test_unknown_structure_is_the_last_stage_and_has_a_shape(make, tmp_path: Path) -> None:
@@ -68,25 +72,21 @@ def test_unknown_structure_is_the_last_stage_and_has_a_shape(make, tmp_path: Pat
     assert (added.effect, added.parameters, added.evidence.runner_up) == ("unattributed", {}, None)
     assert answer.unexplained.above_noise_floor
     assert "theta1" in [row.variable for row in answer.unexplained.structure]
-    # What is unexplained is not said of the stage in which the curve stands, but of what has a name.
-    assert answer.unexplained.share_of_residual > 0.5
+    assert "without a known cause" in answer.verdict
 
 
-def test_without_a_module(make, tmp_path: Path) -> None:
-    answer = answer_of(make(44, device=False, torque=[dry]), tmp_path)
-    assert answer.stages[-1].added is not None
-    assert answer.stages[-1].added.effect == "friction.coulomb"
+def test_a_slides_friction_is_a_force_in_the_textbooks_robot(tmp_path: Path) -> None:
+    """Four newtons of dry friction on the axis of one trial alone: the first stage has them already."""
 
-
-@pytest.mark.parametrize("model", ["slide-1d", "joint-1d"])
-def test_one_axis(model: str, tmp_path: Path) -> None:
     def friction(m):
-        return 0.5 * np.tanh(m.w / 1e-4)
+        return 4.0 * np.tanh(m.w / 1e-4)
 
-    case = Case(model, seed=45, seconds=20.0, loaded=0, device=False, torque=[friction])
+    case = Case("slide-1d", seed=120, free=1, loaded=0, device=False, torque=[friction])
     answer = answer_of(build(case, tmp_path), tmp_path)
+    assert answer.baseline == "textbook"
+    assert len(answer.stages) == 1
     assert set(answer.stages[0].validation_rms) == {"tau1"}
-    added = answer.stages[-1].added
-    assert added is not None
-    assert (added.effect, added.where) == ("friction.coulomb", "joint1")
-    assert added.parameters["torque"].unit == ("N" if model == "slide-1d" else "N*m")
+    alpha = answer.stages[0].parameters.alpha
+    names = alpha.model_extra["names"]  # type: ignore[index]
+    assert alpha.value[names.index("Fc")] == pytest.approx(4.0, rel=0.02)
+    assert " N are left in tau1" in answer.verdict

@@ -36,7 +36,7 @@ def found(tmp_path_factory: pytest.TempPathFactory) -> Path:
     result = run("diagnose", folder / "A", "--save-model", folder / "model.json")
     assert result.exit_code == 0, result.output
     saved = json.loads((folder / "model.json").read_text())
-    assert {row["effect"] for row in saved["effects"]} == {"friction.coulomb", "elastic.joint"}
+    assert {row["effect"] for row in saved["effects"]} == {"elastic.joint"}
     # The next day: only loads, and the robot by what is known from A.
     write_study(build(lab(502, free=0), folder), folder / "B")
     write_study(build(lab(503), folder), folder / "C")
@@ -69,7 +69,8 @@ def test_the_next_studys_stiffness_is_right_with_the_model_and_wrong_without(
         assert half.max() < 5.0
     if study == "C":
         plain = found / "C_plain.json"
-        assert run("fit", found / "C", "--json", plain).exit_code == 0
+        # What the model lacks makes the plain numbers impossible or merely wrong.
+        assert run("fit", found / "C", "--json", plain).exit_code in (0, 3)
         for name, (K, _) in stiffness(plain).items():
             true = truth(lab(seed), "AB".index(name[-1]))["K"]
             assert np.abs(K - true).max() > 10.0
@@ -89,7 +90,7 @@ def test_the_saved_robot_may_stand_in_for_free_trials(found: Path) -> None:
 def test_the_same_data_are_no_proof(found: Path) -> None:
     result = run("fit", found / "A", "--model", found / "model.json")
     assert "found on these very data" in result.output
-    assert "friction.coulomb@joint1" in result.output
+    assert "elastic.joint@joint2" in result.output
 
 
 def test_a_model_that_does_not_belong_here_is_one_line(found: Path, tmp_path: Path) -> None:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from impid_host.diagnosis.rows import REFERENCE, Run
-from impid_host.diagnosis.score import Explanation, difference, explanation
+from impid_host.diagnosis.score import Explanation, Scorer, difference
 from impid_host.diagnosis.table import table_of
 from scipy import stats
 
@@ -35,7 +35,7 @@ def test_the_density_is_that_of_a_loop_over_blocks(tail: float, slots: list[int]
                 r = y[own] - X[own] @ beta
                 total += float(stats.multivariate_t(np.zeros(BLOCK), np.eye(BLOCK), df=tail).logpdf(r))
             truth.append(total)
-    found = explanation(table, slots)
+    found = Scorer(table).explanation(table, slots)
     assert sorted(found.density) == pytest.approx(sorted(truth), rel=1e-5)
     whole, *_ = np.linalg.lstsq(X, y, rcond=None)
     assert found.beta == pytest.approx(whole[2:], abs=1e-5)
@@ -63,7 +63,7 @@ def test_references_always_take_part() -> None:
     noise = table.noise
     noise.tails[REFERENCE, 0] = 1e4  # type: ignore[index]
     other = table_of([*runs, said], table.slots, noise, table.make)
-    found, plain = explanation(other, []), explanation(table, [])
+    found, plain = (Scorer(own).explanation(own, []) for own in (other, table))
     assert len(found.density) == len(plain.density)
     assert found.total == pytest.approx(float(found.density.sum()) + found.reference)
     assert found.reference == pytest.approx(stats.norm.logpdf(0.0), abs=1.0)

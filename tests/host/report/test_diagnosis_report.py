@@ -1,12 +1,24 @@
 """What a reader sees of a diagnosis, from an answer written by hand: words, units, changes, pictures."""
 
 import json
+from dataclasses import replace
 from io import StringIO
 from pathlib import Path
 
 import numpy as np
 import pytest
-from impid_host.diagnosis.result import Diagnosis, Finding, Floor, Number, Stage, Structure, Trace
+from impid_host.diagnosis.result import (
+    Diagnosis,
+    Evidence,
+    Finding,
+    Floor,
+    Number,
+    Rival,
+    Stage,
+    Structure,
+    Tie,
+    Trace,
+)
 from impid_host.report.diagnosis_figures import draw_diagnosis
 from impid_host.report.diagnosis_json import diagnosis_json
 from impid_host.report.diagnosis_tables import effect_table, parameter_table, stage_table
@@ -34,9 +46,8 @@ def stage(added: Finding | None, rms: float, stiffness: float) -> Stage:
 
 
 def answer(*, prismatic: bool = False) -> Diagnosis:
-    found = Finding(
-        "friction.coulomb", ("joint1",), (), {"torque": number(0.21, 0.01, "N*m")}, 0.6, 0.0, None
-    )
+    evidence = Evidence(0.6, 812.0, 64.0, 0.97, Rival("friction.stribeck", ("joint1",), 80.0))
+    found = Finding("friction.coulomb", ("joint1",), (), {"torque": number(0.21, 0.01, "N*m")}, evidence)
     t = np.arange(0.0, 12.0, 0.01)
     wave = np.sin(2 * np.pi * 0.7 * t)
     motion = {"theta1": wave, "omega1": np.gradient(wave, t), "direction": np.sign(np.gradient(wave))}
@@ -47,6 +58,7 @@ def answer(*, prismatic: bool = False) -> Diagnosis:
     left = Structure("theta1", "tau1", 0.2, curve, band, "narrow bump of 0.3 N m")
     return Diagnosis(
         study="hand",
+        baseline="papers",
         fit_trials=("free_01",),
         validation_trials=("free_01",),
         stages=(stage(None, 0.03, 284.0), stage(found, 0.01, 271.0)),
@@ -89,11 +101,38 @@ def test_what_would_have_been_reported_stands_beside_what_is() -> None:
     assert not any("Kyx" in line or "Mxy" in line or "Myy" in line for line in lines)
 
 
-def test_a_probability_that_underflows_is_not_printed_as_zero() -> None:
-    assert "< 1e-300" in text(effect_table(answer()))
-    evidence = diagnosis_json(answer())["stages"][1]["added"]["evidence"]
-    assert evidence["p_value"] == 1e-300
+def test_the_evidence_for_a_name_is_printed_and_written() -> None:
+    shown = text(effect_table(answer()))
+    assert "812 ± 64 nats" in shown and "0.97" in shown and "friction.stribeck@joint1, 80 nats less" in shown
+    added = diagnosis_json(answer())["stages"][1]["added"]
+    assert (added["when"], added["carries"]) == ("all", "machine")
+    assert added["evidence"] == {
+        "share_of_residual": 0.6,
+        "gain": 812.0,
+        "gain_se": 64.0,
+        "confidence": 0.97,
+        "runner_up": {"effect": "friction.stribeck", "where": "joint1", "margin": 80.0},
+    }
     json.dumps(diagnosis_json(answer()), allow_nan=False)
+
+
+def test_a_tie_says_what_would_be_reported_under_each() -> None:
+    own = answer()
+    last = own.stages[-1]
+    tie = Tie(
+        ("force.scale@x+y", "actuator.gain@joint1+joint2"),
+        "a weighed payload",
+        {"force.scale@x+y": (last.alpha, last.loads)},
+    )
+    row = diagnosis_json(replace(own, ambiguous=(tie,)))["ambiguous"][0]
+    assert row["candidates"] == ["force.scale@x+y", "actuator.gain@joint1+joint2"]
+    assert row["parameters"]["force.scale@x+y"]["loads"]["A"]["K"]["value"] == [[271.0, 20.0], [20.0, 300.0]]
+
+
+def test_an_unknown_floor_is_said_and_is_null() -> None:
+    own = replace(answer(), floor={"tau1": None, "fx": 0.019})
+    assert "unknown" in text(stage_table(own))
+    assert diagnosis_json(own)["noise_floor"]["tau1"] is None
 
 
 @pytest.mark.parametrize("prismatic", [False, True])

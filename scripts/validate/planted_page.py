@@ -1,0 +1,73 @@
+"""The page that planted.py writes: the plan's verdicts, counted and one by one."""
+
+from collections import Counter
+from collections.abc import Sequence
+from typing import Any
+
+Runs = Sequence[dict[str, Any]]
+GOOD = ("right", "tie", "there before", "silent")
+
+
+def page(runs: Runs, planned: Sequence[tuple[str, str]], strengths: Sequence[float]) -> str:
+    """The whole page."""
+    lines = [
+        "# Planted truth on measured records: what came of it",
+        "",
+        "Written by `python scripts/validate/planted.py`; the plan, with what the words mean, was fixed before the first run:",
+        "`planted_plan.md`. Everything that was run is here.",
+        "",
+        f"Run: {len(runs)} plants in {len({run['record'] for run in runs})} records.",
+        "",
+        "| strength, in units of the residual | runs | right or tie (%) | missed (%) | wrong (%) | refused | undone (%) | "
+        "without the diagnosis (%) |",
+        "| --- | --- | --- | --- | --- | --- | --- | --- |",
+    ]
+    free = [run for run in runs if not run["capped"]]
+    lines += [_summary(f"{k:g}", [run for run in free if run["strength"] == k]) for k in strengths]
+    lines += [_summary("capped, so weaker", [run for run in runs if run["capped"]])]
+    lines += ["", "## Each run", "", *_table(runs), ""]
+    missing = [
+        key for key in dict.fromkeys(key for key, _ in planned) if key not in {run["record"] for run in runs}
+    ]
+    if missing:
+        lines += [f"Not run for want of time: {', '.join(missing)}.", ""]
+    return "\n".join(lines)
+
+
+def _summary(name: str, own: Runs) -> str:
+    if not own:
+        return f"| {name} | 0 | | | | | | |"
+    words = Counter(run["verdict"] for run in own)
+    judged = len(own) - words["refused"]
+    share = lambda count: f"{100 * count / max(judged, 1):.0f}"  # noqa: E731
+    told = [run for run in own if "undone" in run]
+    entries = max(sum(run["undone"][1] for run in told), 1)
+    parts = (
+        sum(words[word] for word in GOOD),
+        words["missed"],
+        words["wrong"],
+    )
+    after = 100 * sum(run["undone"][0] for run in told) / entries
+    without = 100 * sum(run["without_diagnosis"][0] for run in told) / entries
+    cells = [*(share(count) for count in parts), str(words["refused"]), f"{after:.0f}", f"{without:.0f}"]
+    return f"| {name} | {len(own)} | " + " | ".join(cells) + " |"
+
+
+def _table(runs: Runs) -> list[str]:
+    lines = [
+        "| record | plant | strength | s (SI) | expected | verdict | new names | new ties |",
+        "| --- | --- | --- | --- | --- | --- | --- | --- |",
+    ]
+    for run in sorted(runs, key=lambda run: (run["record"], run["plant"], -run["strength"])):
+        cells = [
+            run["record"],
+            run["plant"],
+            f"{run['strength']:g}",
+            f"{run['s']:.3g}",
+            run["expected"] or "no name",
+            run["verdict"],
+            ", ".join(run.get("new", [])),
+            "; ".join(" or ".join(tie) for tie in run.get("ties", [])),
+        ]
+        lines.append("| " + " | ".join(cells) + " |")
+    return lines
