@@ -11,7 +11,6 @@ import argparse
 import json
 import tempfile
 import time
-from collections.abc import Sequence
 from dataclasses import asdict
 from itertools import permutations
 from pathlib import Path
@@ -81,10 +80,10 @@ def judged(model: Path, study: Study, *, refit_record: bool) -> Json:
     }
 
 
-def crossings(data: Path, keys: Sequence[str], models: Path) -> dict[str, Json]:
+def crossings(data: Path, models: Path) -> dict[str, Json]:
     """Every model on every other record of its machine, with what is the record's own left out and fitted anew."""
     result: dict[str, Json] = {}
-    for one, other in permutations(keys, 2):
+    for one, other in permutations(BY_KEY, 2):
         if BY_KEY[one].machine != BY_KEY[other].machine or not (models / f"{one}.json").is_file():
             continue
         study = BY_KEY[other].study(data)
@@ -105,28 +104,31 @@ def main() -> None:
     parser.add_argument("--data", type=Path)
     parser.add_argument("--out", type=Path, default=Path("docs/validation"))
     parser.add_argument("--models", type=Path, help="Keep the saved models in this folder.")
-    parser.add_argument("--only", nargs="+", choices=list(BY_KEY), help="Diagnose these records alone.")
+    parser.add_argument("--only", nargs="*", help="Diagnose these records alone.")
     options = parser.parse_args()
+    unknown = set(options.only or ()) - set(BY_KEY)
+    if unknown:
+        parser.error(f"no record {', '.join(sorted(unknown))}; there are {', '.join(BY_KEY)}")
     data = data_folder(options.data)
     store = options.out / "measured.json"
     result: Json = {"records": {}, "judged": {}}
-    if options.only and store.is_file():
+    if options.only is not None and store.is_file():
         result = json.loads(store.read_text(encoding="utf-8"))
-    wanted = options.only or [record.key for record in RECORDS]
+    wanted = [record.key for record in RECORDS] if options.only is None else options.only
     with tempfile.TemporaryDirectory() as scratch:
         models = options.models or Path(scratch)
         models.mkdir(parents=True, exist_ok=True)
         for key in wanted:
             result["records"][key] = entry_of(BY_KEY[key], BY_KEY[key].study(data), models)
             write(result, options.out)
-        result["judged"] |= crossings(data, list(result["records"]), models)
+        result["judged"] |= crossings(data, models)
     write(result, options.out)
 
 
 def write(result: Json, out: Path) -> None:
     """Both files, after every record: a stopped run loses nothing."""
     (out / "measured.json").write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
-    (out / "measured.md").write_text(page(result), encoding="utf-8")
+    (out / "measured.md").write_text(page(result, list(BY_KEY)), encoding="utf-8")
 
 
 if __name__ == "__main__":

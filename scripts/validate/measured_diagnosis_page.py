@@ -14,8 +14,12 @@ GOALS_JOINTS = {"ur10e_joint1": 8.2, "ur10e_joint3": 3.4, "ur10e_joint4": 4.9, "
 GOALS_OTHER = {"lwr4": 4.4, "ur10e": 6.0}
 
 
-def page(result: Json) -> str:
-    """The whole page."""
+def page(result: Json, planned: Sequence[str]) -> str:
+    """The whole page.
+
+    Args:
+        planned: all records that there are.
+    """
     records, crossings = result["records"], result["judged"]
     lines = [
         "# Measured records of other laboratories",
@@ -23,6 +27,7 @@ def page(result: Json) -> str:
         "Written by `python scripts/validate/measured_diagnosis.py`. No threshold of the tool was chosen on these numbers.",
         "",
         *_opening(records, crossings),
+        *_missing(records, planned),
         "",
         "## Goals and what was reached",
         "",
@@ -198,6 +203,13 @@ def _opening(records: Mapping[str, Json], crossings: Mapping[str, Json]) -> Iter
         yield f"The worst is {title}, {key} below {cutoff:g} Hz: {ratio:.2f} times the textbook's error."
 
 
+def _missing(records: Mapping[str, Json], planned: Sequence[str]) -> Iterator[str]:
+    left = [key for key in planned if key not in records]
+    if left:
+        yield ""
+        yield f"Not run yet: {', '.join(left)}. The command without `--only` runs everything."
+
+
 def _goals(records: Mapping[str, Json], crossings: Mapping[str, Json]) -> Iterator[str]:
     yield "| goal | reached | |"
     yield "| --- | --- | --- |"
@@ -205,7 +217,7 @@ def _goals(records: Mapping[str, Json], crossings: Mapping[str, Json]) -> Iterat
     worse = [row for row in against if row[3] > WORSE]
     yield _goal(
         "never worse than the textbook on another record, in any band",
-        f"worse in {len(worse)} of {len(against)}",
+        f"worse in {len(worse)} of {len(against)} channels and bands" if against else "not judged",
         met=not worse and bool(against),
     )
     for key, limit in GOALS_JOINTS.items():
@@ -284,5 +296,5 @@ def _parameters(added: Json | None) -> str:
     return "; ".join(words)
 
 
-def _digits(value: object) -> str:
+def _digits(value: float | list[float]) -> str:
     return ", ".join(f"{v:.3g}" for v in np.ravel(value))

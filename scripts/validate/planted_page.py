@@ -39,7 +39,6 @@ def _summary(name: str, own: Runs) -> str:
         return f"| {name} | 0 | | | | | | |"
     words = Counter(run["verdict"] for run in own)
     judged = len(own) - words["refused"]
-    share = lambda count: f"{100 * count / max(judged, 1):.0f}"  # noqa: E731
     told = [run for run in own if "undone" in run]
     entries = max(sum(run["undone"][1] for run in told), 1)
     parts = (
@@ -49,7 +48,12 @@ def _summary(name: str, own: Runs) -> str:
     )
     after = 100 * sum(run["undone"][0] for run in told) / entries
     without = 100 * sum(run["without_diagnosis"][0] for run in told) / entries
-    cells = [*(share(count) for count in parts), str(words["refused"]), f"{after:.0f}", f"{without:.0f}"]
+    cells = [
+        *(f"{100 * count / max(judged, 1):.0f}" for count in parts),
+        str(words["refused"]),
+        f"{after:.0f}",
+        f"{without:.0f}",
+    ]
     return f"| {name} | {len(own)} | " + " | ".join(cells) + " |"
 
 

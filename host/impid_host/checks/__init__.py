@@ -3,7 +3,7 @@
 from impid_host.checks.agreement import Agreement, Pair, agreement
 from impid_host.checks.check import Change, Check, Checks
 from impid_host.checks.gate import Bounded, LoadNumbers, gate
-from impid_host.checks.judge import check_study
+from impid_host.checks.judge import check_study, searched
 
 __all__ = [
     "Agreement",
@@ -16,4 +16,5 @@ __all__ = [
     "agreement",
     "check_study",
     "gate",
+    "searched",
 ]

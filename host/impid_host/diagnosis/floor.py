@@ -177,6 +177,8 @@ def _noise_series(parts: Sequence[Floats], held: Mask) -> list[Floats]:
     residual's own autoregression through the same regression.
     """
     stacked = np.concatenate(parts)
+    if not stacked[:, 0].any():  # a joint without a drive logs zeros, and no noise
+        return [part[:, 0] for part in parts]
     size = np.linalg.norm(stacked[:, 1:], axis=0)
     used = 1 + np.flatnonzero(size > 1e-12 * size.max(initial=0.0))
     U, s, _ = np.linalg.svd(stacked[:, used] / size[used - 1], full_matrices=False)

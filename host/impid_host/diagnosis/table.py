@@ -209,11 +209,17 @@ def swept(G: Floats, columns: Index) -> Swept:
     if len(index) == 0:
         return Swept(G, np.zeros((0, len(G))))
     A = G[np.ix_(index, index)]
-    size = np.sqrt(np.maximum(np.diag(A), 1e-300))
+    size = _sizes(A)
     values, vectors = np.linalg.eigh(A / np.outer(size, size))
     good = values > _RIDGE * values[-1]
     root = (vectors[:, good] / np.sqrt(values[good])).T
     return Swept(G, root @ (G[index] / size[:, None]))
+
+
+def _sizes(A: Floats) -> Floats:
+    """Norms of the columns; infinite where the model held all of one, so that only rounding is left of it."""
+    power = np.diag(A)
+    return np.sqrt(np.where(power > 1e-300, power, np.inf))
 
 
 def solve(G: Floats, columns: Index) -> tuple[Floats, float]:
@@ -222,7 +228,7 @@ def solve(G: Floats, columns: Index) -> tuple[Floats, float]:
     if len(index) == 0:
         return np.zeros(0), float(G[0, 0])
     A, b = G[np.ix_(index, index)], G[index, 0]
-    size = np.sqrt(np.maximum(np.diag(A), 1e-300))
+    size = _sizes(A)
     # Terms that are alike to first order (a delay, a lag) share what they explain.
     values, vectors = np.linalg.eigh(A / np.outer(size, size))
     good = values > _RIDGE * values[-1]
