@@ -37,7 +37,7 @@ def page(result: Json, planned: Sequence[str]) -> str:
         "",
         "Before is the model that the study starts from, after is the last stage; % is of the logged torque on held-out "
         "rows, all joints together. `once` marks a name that no other record of the machine gave; `alone` one of a machine "
-        "with one record.",
+        "of which no second record is diagnosed.",
         "",
         *_overview(records),
         "",
@@ -61,7 +61,8 @@ def _share(entry: Json, rms: Mapping[str, float]) -> float | None:
     """Percent of the logged torque, all joints together; None where the channels are forces."""
     keys = [key for key in rms if key in entry["logged_rms"]]
     whole = _rms(entry["logged_rms"], keys) if keys else 0.0
-    return 100 * _rms(rms, keys) / whole if whole else None
+    # Where the drives are off at the end of a record there is nothing to compare with.
+    return 100 * _rms(rms, keys) / whole if whole > 0.01 * _rms(rms, keys) else None
 
 
 def _stages(entry: Json) -> list[Json]:
@@ -187,7 +188,7 @@ def _opening(records: Mapping[str, Json], crossings: Mapping[str, Json]) -> Iter
     yield (
         f"Of {len(records)} records of {len({own['machine'] for own in records.values()})} machines "
         f"{len(records) - len(told)} are refused. In the others {len(found)} effects are named; {len(twice)} of the names "
-        f"are found on another record of the same machine as well, {len(single)} are of machines with one record, "
+        f"are found on another record of the same machine as well, {len(single)} are of machines of which no second record is diagnosed, "
         f"{len(found) - len(twice) - len(single)} are found once and not again, and should not be believed as a property "
         "of the machine. Nobody has told what these machines truly lack, so that a smaller error on data that took no part is "
         "the only proof here; for known causes see `planted.md`."

@@ -105,7 +105,7 @@ def test_faults_of_sensors_board_and_log(scenario_file, tmp_path):
     statuses = [
         frame.records for frame in client.frames if frame.kind == layout.code("BATCH", "kind", "STATUS")
     ]
-    counters = np.frombuffer(statuses[-1], np.uint8).reshape(7, 8)
+    counters = np.frombuffer(statuses[-1], np.uint8).reshape(8, 8)
     assert layout.unpack("STATUS_SAMPLES", counters[:1])["ring_lost"][0] == 400 + 1 - 256
     frames_dropped = int(layout.unpack("STATUS_LINK", counters[1:2])["frames_dropped"][0])
     assert 0 < gone.size - (400 + 1 - 256) <= 10 * frames_dropped

@@ -19,7 +19,8 @@ def motion(torque):
     n = len(torque)
     force = np.stack([(np.arange(8 * n) + 0.5) / 8.0, np.zeros(8 * n)], axis=1)
     fine = np.zeros((8 * n, 2))
-    return Motion(fine, fine, fine, force, np.zeros((n, 2), dtype=np.int32), np.asarray(torque, dtype=float))
+    count = np.zeros((n, 2), dtype=np.int32)
+    return Motion(fine, fine, fine, force, fine, count, np.asarray(torque, dtype=float))
 
 
 def logged(truth, torque, blocks=None):
@@ -38,7 +39,10 @@ def logged(truth, torque, blocks=None):
     whole, at, rows = motion(torque), 0, []
     for size in blocks or [n]:
         part = Motion(
-            *(a[8 * at : 8 * (at + size)] for a in (whole.q, whole.w, whole.acceleration, whole.force)),
+            *(
+                a[8 * at : 8 * (at + size)]
+                for a in (whole.q, whole.w, whole.acceleration, whole.force, whole.crept)
+            ),
             whole.count[at : at + size],
             whole.torque[at : at + size],
         )

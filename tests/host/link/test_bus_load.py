@@ -70,7 +70,7 @@ def test_a_known_frame_has_the_bits_that_the_standard_gives_it() -> None:
 def test_load_with_full_range_encoders() -> None:
     encoder = np.random.default_rng(2).integers(-(2**31), 2**31, (1000, 2)).astype(np.int32)
     frames = a_second_of_frames(encoder)
-    assert 2 * 1000 + 20 + 70 + 2 * PINGS_PER_S - 15 <= len(frames) <= 2 * 1000 + 22 + 77 + 2 * PINGS_PER_S
+    assert 2 * 1000 + 20 + 80 + 2 * PINGS_PER_S - 15 <= len(frames) <= 2 * 1000 + 22 + 88 + 2 * PINGS_PER_S
     worst = len(frames) * WORST_BITS / BITS_PER_S
     real = sum(bits_on_the_bus(*frame) for frame in frames) / BITS_PER_S
     assert real < worst < 0.30
