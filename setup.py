@@ -5,6 +5,6 @@ from setuptools import setup
 setup(
     cffi_modules=[
         "hil_sim/native_build.py:ffibuilder",
-        "hil_sim/board/elf/clock_build.py:ffibuilder",
+        "hil_sim/board/elf/chip_build.py:ffibuilder",
     ]
 )

@@ -10,7 +10,7 @@ for tool in clang-format cppcheck arm-none-eabi-gcc cc; do
     }
 done
 
-ours=$(find hil_sim/plant firmware/core firmware/boards tests/firmware tests/firmware_fuzz tests/protocol -name '*.[ch]')
+ours=$(find hil_sim/plant hil_sim/board/elf firmware/core firmware/boards tests/firmware tests/firmware_fuzz tests/protocol -name '*.[ch]')
 # shellcheck disable=SC2086 # a list of names without spaces
 clang-format --style=file:firmware/.clang-format --dry-run --Werror $ours
 
@@ -19,7 +19,7 @@ for source in firmware/core/*.c firmware/generated/*.c; do
     # shellcheck disable=SC2086
     arm-none-eabi-gcc -mcpu=cortex-m4 -mthumb $warnings "$source"
 done
-for source in firmware/core/*.c firmware/generated/*.c firmware/boards/native/*.c tests/protocol/*.c hil_sim/plant/*.c; do
+for source in firmware/core/*.c firmware/generated/*.c firmware/boards/native/*.c tests/protocol/*.c hil_sim/plant/*.c hil_sim/board/elf/*.c; do
     # shellcheck disable=SC2086
     cc $warnings -Ifirmware/boards/native -Ihil_sim/plant "$source"
 done

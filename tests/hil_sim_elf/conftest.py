@@ -8,24 +8,34 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
-BINARY = ROOT / ".pio" / "build" / "nucleo_f446re" / "firmware.elf"
 
 sys.path.insert(0, str(Path(__file__).parent))
 
 
-@pytest.fixture(scope="session")
-def firmware() -> Path:
-    """The ELF that `pio run -e nucleo_f446re` builds, brought up to date first."""
+def built(board: str) -> Path:
+    """The ELF that `pio run -e <board>` builds, brought up to date first."""
     lock = ROOT / "build" / "firmware-for-tests.lock"
     lock.parent.mkdir(exist_ok=True)
     with lock.open("w") as held:
         fcntl.flock(held, fcntl.LOCK_EX)  # several test processes want the same build
-        built = subprocess.run(
-            [ROOT / "scripts" / "pio.sh", "run", "--silent", "-e", "nucleo_f446re"],
+        done = subprocess.run(
+            [ROOT / "scripts" / "pio.sh", "run", "--silent", "-e", board],
             capture_output=True,
             text=True,
             check=False,
         )
-    if built.returncode:
-        pytest.fail(f"the firmware does not build:\n{built.stdout}{built.stderr}", pytrace=False)
-    return BINARY
+    if done.returncode:
+        pytest.fail(f"the firmware does not build:\n{done.stdout}{done.stderr}", pytrace=False)
+    return ROOT / ".pio" / "build" / board / "firmware.elf"
+
+
+@pytest.fixture(scope="session")
+def firmware() -> Path:
+    """What ships for the Nucleo."""
+    return built("nucleo_f446re")
+
+
+@pytest.fixture(scope="session")
+def custom_firmware() -> Path:
+    """What a board of one's own would run."""
+    return built("custom_f446re")

@@ -140,3 +140,58 @@ def test_dma_rules(tmp_path: Path, statement: str, rule: str) -> None:
 def test_fifo_mode_is_refused(tmp_path: Path) -> None:
     with pytest.raises(UnmodelledAccess, match="DMA2_S0FCR at 0x40026424, bits 0x00000004"):
         run(tmp_path, f"void reset(void) {{ {CLOCKS} REG(0x40026424u) = 0x24; for (;;) {{}} }}")
+
+
+@pytest.mark.parametrize(("dds", "moved"), [(1 << 13, 20), (0, 8)])
+def test_requests_end_with_the_block_unless_dds_is_set(tmp_path: Path, dds: int, moved: int) -> None:
+    """13.8.1, 13.13.16: with DDS = 0 no request follows the DMA's last transfer, circular or not, and no overrun."""
+    dual = DUAL.replace("1u << 13", f"{dds}u")
+    body = f"""void reset(void) {{ {CLOCKS} {DMA.format(count=8)} REG(0x{S0:X}u) = {CIRCULAR | 1}u;
+        {dual} {ADCS} {TIM3_10KHZ} {SLEEP} }}"""
+    soc = Soc(build(tmp_path, body))
+    count = 0
+
+    def source(channel: int) -> int:
+        nonlocal count
+        count += channel == 10
+        return count
+
+    soc.adc.source = source
+    soc.run_for(0.00205)  # twenty triggers
+    ring = [
+        int.from_bytes(soc.memory.read_bytes(0x2000_2000 + 4 * n, 4), "little") & 0xFFFF for n in range(8)
+    ]
+    assert (count, max(ring)) == (20, moved)
+    assert not soc.adc.adc1.value["SR"] & 1 << 5
+
+
+@pytest.mark.parametrize(
+    ("common", "sampling", "rule"), [(0, 7, "TSVREFE is 0"), (1 << 23, 1, "less than 10 us")]
+)
+def test_the_internal_reference_needs_its_switch_and_its_time(
+    tmp_path: Path, common: int, sampling: int, rule: str
+) -> None:
+    """13.10: TSVREFE enables both internal channels; data sheet: they are sampled for 10 us or more."""
+    body = f"""void reset(void) {{ {CLOCKS} REG(0x40012034u) = 17; REG(0x4001200Cu) = {sampling}u << 21;
+        REG(0x40012304u) = {common}u; REG(0x40012008u) = 1; REG(0x40012008u) = 1u | 1u << 30; for (;;) {{}} }}"""
+    with pytest.raises(RuleViolation, match=rule):
+        run(tmp_path, body)
+
+
+def test_an_injected_conversion_on_software_leaves_its_result_in_jdr1(tmp_path: Path) -> None:
+    """13.3.9, 13.13.12: JL = 0 converts JSQ4; in regular and injected simultaneous mode both converters do."""
+    body = f"""void reset(void) {{ {CLOCKS} {DUAL.replace("6u |", "1u |")} {ADCS}
+        REG(0x40012038u) = 12u << 15; REG(0x40012138u) = 13u << 15; REG(0x40012008u) |= 1u << 22;
+        while (!(REG(0x40012000u) & 4)) {{}} out[0] = REG(0x4001203Cu); out[1] = REG(0x4001213Cu);
+        REG(0x40012000u) = ~4u; out[2] = REG(0x40012000u) & 4; for (;;) {{}} }}"""
+    soc = Soc(build(tmp_path, body))
+    soc.adc.source = lambda channel: 100 * channel
+    soc.run_for(1e-4)
+    assert results(soc, 3) == [1200, 1300, 0]
+
+
+def test_an_injected_conversion_needs_its_mode(tmp_path: Path) -> None:
+    """13.9.2: regular simultaneous mode alone leaves injected conversions out."""
+    body = f"void reset(void) {{ {CLOCKS} {DUAL} {ADCS} REG(0x40012008u) |= 1u << 22; for (;;) {{}} }}"
+    with pytest.raises(RuleViolation, match="regular simultaneous mode"):
+        run(tmp_path, body)

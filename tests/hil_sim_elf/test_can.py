@@ -177,3 +177,9 @@ def test_alone_on_the_bus_it_goes_error_passive_and_no_further(tmp_path: Path) -
 def test_bit_timing_only_in_initialisation(tmp_path: Path) -> None:
     with pytest.raises(RuleViolation, match="BTR written outside"):
         run(tmp_path, f"void reset(void) {{ {normal()} {BTR} = 0; for (;;) {{}} }}")
+
+
+def test_initialisation_needs_sleep_to_be_cleared(tmp_path: Path) -> None:
+    """30.4.3: sleep, the state after reset, is left by clearing SLEEP; with SLEEP set there is no INAK."""
+    body = f"void reset(void) {{ {CLOCKS} {PINS} {MCR} |= 1; out[0] = {MSR} & 3; {MCR} = 1; out[1] = {MSR} & 3; for (;;) {{}} }}"
+    assert results(run(tmp_path, body), 2) == [2, 1]

@@ -140,3 +140,15 @@ def test_watchdog_registers_are_behind_the_key(tmp_path: Path) -> None:
     """20.3.2: PR and RLR are write-protected until 0x5555."""
     with pytest.raises(RuleViolation, match="0x5555"):
         run(tmp_path, "void reset(void) { REG(0x40003004u) = 1; for (;;) {} }")
+
+
+@pytest.mark.parametrize("asked", [0, 1 << 18])
+@pytest.mark.parametrize("signal", [False, True])
+def test_a_clock_signal_needs_the_bypass_and_a_crystal_the_oscillator(
+    tmp_path: Path, asked: int, signal: bool
+) -> None:
+    """6.2.1: an external clock signal requires HSEBYP; a crystal requires it off."""
+    body = f"void reset(void) {{ {RCC_CR} |= {asked}u; {RCC_CR} |= 1u << 16; for (;;) {{ out[0] = {RCC_CR} >> 17 & 1; }} }}"
+    soc = Soc(build(tmp_path, body), hse_bypass=signal)
+    soc.run_for(0.01)
+    assert results(soc, 1) == [bool(asked) == signal]

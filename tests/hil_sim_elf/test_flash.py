@@ -95,3 +95,21 @@ def test_power_cut_in_the_middle_of_a_word(tmp_path: Path, kept: int) -> None:
     with pytest.raises(PowerCut):
         soc.run_for(1e-3)
     assert soc.memory.read_bytes(0x0800_8000, 8) == bytes(4) + bytes(kept) + b"\xff" * (4 - kept)
+
+
+@pytest.mark.parametrize("flush", [False, True])
+def test_what_was_erased_is_read_after_a_flush_of_the_data_cache_alone(tmp_path: Path, flush: bool) -> None:
+    """3.5.3: the data cache may hold what was erased. It is reset while it is off (3.8.1)."""
+    acr = "REG(0x40023C00u)"
+    caches = f"{acr} = 0; {acr} = 1u << 12; {acr} = 0; {acr} = 1u << 10;" if flush else ""
+    body = f"""void reset(void) {{ {acr} = 1u << 10; {UNLOCK} {CR} = 1u << 1 | 2u << 3 | {PSIZE32} | 1u << 16; {BRANCH}
+        {caches} out[0] = REG(0x0800C000u); {BRANCH} out[1] = {WORD}; for (;;) {{}} }}"""
+    memory = build(tmp_path, body)
+    memory.flash[0x8000:0xC004] = bytes(0x4004)
+    soc = Soc(memory)
+    if flush:
+        soc.run_for(0.3)
+        assert results(soc, 2) == [0, 0xFFFF_FFFF]
+    else:
+        with pytest.raises(RuleViolation, match="0x08008000 read after an erase"):
+            soc.run_for(0.3)

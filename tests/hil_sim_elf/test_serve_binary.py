@@ -46,7 +46,7 @@ def test_resets_from_outside_are_refused_with_one_line(firmware: Path, tmp_path:
     path = tmp_path / "brown.toml"
     path.write_text(tomli_w.dumps(content), encoding="utf-8")
     done = subprocess.run(
-        [*SERVE, str(path), "--elf", str(firmware)], capture_output=True, text=True, check=False, timeout=60
+        [*SERVE, str(path), "--elf", str(firmware)], capture_output=True, text=True, check=False, timeout=180
     )
     assert done.returncode == 1
     assert (

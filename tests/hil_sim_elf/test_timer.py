@@ -149,3 +149,22 @@ def test_input_capture_latches_the_counter(tmp_path: Path) -> None:
 def test_compare_output_is_refused(tmp_path: Path) -> None:
     with pytest.raises(UnmodelledAccess, match="TIM3_CCMR1"):
         run(tmp_path, f"void reset(void) {{ {ENABLE} {reg(TIM3, CCMR1)} = 0x60; for (;;) {{}} }}")
+
+
+@pytest.mark.parametrize(
+    ("code", "swallowed_ns"),
+    # Readings at fDTS = 16 MHz, 62.5 ns: none; 8; 6 at fDTS / 2; 8 at fDTS / 32.
+    [(0, 0), (3, 500), (4, 750), (15, 16_000)],
+)
+def test_input_filter_swallows_short_pulses(tmp_path: Path, code: int, swallowed_ns: int) -> None:
+    """17.4.7 ICxF: so many equal readings at that rate make an edge."""
+    body = f"""void reset(void) {{ {ENABLE} {reg(TIM4, CCMR1)} = {1 | code << 4}; {reg(TIM4, CCER)} = 1;
+               {reg(TIM4, CR1)} = 1; for (;;) {{ __asm volatile("wfi"); }} }}"""
+    soc = run(tmp_path, body, seconds=1e-4)
+    timer = soc.timers["TIM4"]
+    timer.pulse(1, (swallowed_ns - 10) * 1e-9)
+    soc.run_for(1e-4)
+    assert not timer.read_sr() & 2
+    timer.pulse(1, (swallowed_ns + 10) * 1e-9)
+    soc.run_for(1e-4)
+    assert timer.read_sr() & 2

@@ -95,3 +95,11 @@ def test_bytes_to_unconnected_pins_do_not_arrive(tmp_path: Path) -> None:
     soc.usart2.receive(b"x", 115200)
     soc.run_for(1e-3)
     assert not soc.usart2.value["SR"] & 1 << 5
+
+
+@pytest.mark.parametrize(("read_first", "done"), [("", 1), (f"(void){SR};", 0)])
+def test_tc_stays_set_for_a_writer_that_does_not_look(tmp_path: Path, read_first: str, done: int) -> None:
+    """25.6.1: TC is cleared by a read of SR and a write of DR, or by writing 0; a DMA does only the second."""
+    body = f"""void reset(void) {{ {CLOCKS} {PINS} {BRR} = 139; {CR1} = {UE | TE}; {read_first} {DR} = 0x55;
+        out[0] = {SR} >> 6 & 1; for (;;) {{}} }}"""
+    assert results(run(tmp_path, body, seconds=2e-5), 1) == [done]

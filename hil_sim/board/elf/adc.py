@@ -2,30 +2,24 @@
 
 Independent by software start, or in regular simultaneous dual mode by a timer's trigger, where both
 convert in the same instant and one word with both results goes to the DMA. An injected conversion is started
-by software, on both in dual mode.
+by software, on both in dual mode. What is configured is here, the conversions are in adc.c.
 """
 
 from collections.abc import Callable
-from functools import partial
 from typing import TYPE_CHECKING, ClassVar
 
+from hil_sim.board.elf.chip import CData, Registers, ffi, lib
 from hil_sim.board.elf.registers import ALL, Peripheral, Register
 
 if TYPE_CHECKING:
     from hil_sim.board.elf.soc import Soc
 
-EOC, JEOC, JSTRT, STRT, OVR = 1 << 1, 1 << 2, 1 << 3, 1 << 4, 1 << 5
 EOCIE, OVRIE = 1 << 5, 1 << 26
-ADON, DMA, DDS, EOCS, SWSTART = 1 << 0, 1 << 8, 1 << 9, 1 << 10, 1 << 30
-JSWSTART = 1 << 22
-SAMPLE_CYCLES = (3, 15, 28, 56, 84, 112, 144, 480)  # 13.13.4
-CONVERSION_CYCLES = 12  # 12 bits (13.5)
-MAX_CLOCK_HZ = 36e6  # data sheet, ADC characteristics, VDDA above 2.4 V
-ADC_IRQ = 18
+ADON, DMA, DDS, EOCS, JSWSTART, SWSTART = 1 << 0, 1 << 8, 1 << 9, 1 << 10, 1 << 22, 1 << 30
 TRIGGERS = {8: "TIM3"}  # EXTSEL 1000: TIM3_TRGO (13.6)
-SIMULTANEOUS = 6  # MULTI 00110: regular simultaneous mode only (13.13.16)
-BOTH_SIMULTANEOUS = 1  # MULTI 00001: regular and injected simultaneous mode
+DUAL = (6, 1)  # MULTI: regular simultaneous mode, alone or with injected simultaneous mode (13.13.16)
 DMA_MODE_2 = 2
+COMMON = ("CSR", "CCR", "CDR")
 
 Source = Callable[[int], int]
 
@@ -47,24 +41,13 @@ class Converter(Peripheral):
         Register("DR", 0x4C, "13.13.14"),
     )
 
-    def __init__(self, name: str, base: int, pair: "AdcPair") -> None:
-        super().__init__(name, base, pair.soc)
+    def __init__(self, number: int, base: int, pair: "AdcPair") -> None:
+        super().__init__(f"ADC{number + 1}", base, pair.soc)
+        self.number = number
         self.pair = pair
-
-    @property
-    def channel(self) -> int:
-        """The one channel of the sequence."""
-        return self.value["SQR3"] & 0x1F
-
-    @property
-    def injected_channel(self) -> int:
-        """The one channel of the injected sequence."""
-        return self.value["JSQR"] >> 15 & 0x1F
-
-    def conversion_cycles(self, channel: int) -> int:
-        """Sampling plus conversion, in cycles of the ADC clock (13.5)."""
-        register, place = ("SMPR1", channel - 10) if channel >= 10 else ("SMPR2", channel)
-        return SAMPLE_CYCLES[self.value[register] >> 3 * place & 7] + CONVERSION_CYCLES
+        self.value = Registers(
+            pair.shared.reg[number], {register.name: register.offset // 4 for register in self.REGISTERS}
+        )
 
     def write_sr(self, value: int) -> None:
         """Flags are cleared by writing zeros."""
@@ -86,19 +69,20 @@ class Converter(Peripheral):
         if edges and (edges != 1 or selection not in TRIGGERS):
             raise self.unmodelled("write", "CR2", 0x08, value & 0x3F00_0000)
         was_on = self.value["CR2"] & ADON
+        if not value & DMA:
+            self.pair.allow_requests()
         self.value["CR2"] = value & ~(SWSTART | JSWSTART)
         if value & (SWSTART | JSWSTART) and not was_on:
             raise self.violation("a start before ADON", "13.3.1")
         if value & SWSTART:
-            self.pair.start(self)
+            lib.adc_start(self.pair.shared, self.number)
         if value & JSWSTART:
-            self.pair.start_injected(self)
+            lib.adc_start_injected(self.pair.shared, self.number)
+        self.pair.listen()
 
     def read_dr(self) -> int:
         """Reading the result clears EOC."""
-        self.value["SR"] &= ~EOC
-        self.pair.update_line()
-        return self.value["DR"]
+        return int(lib.adc_read_dr(self.pair.shared, self.number))
 
 
 class AdcPair(Peripheral):
@@ -112,12 +96,19 @@ class AdcPair(Peripheral):
 
     def __init__(self, base: int, soc: "Soc") -> None:
         super().__init__("ADC", base, soc)
-        self.adc1 = Converter("ADC1", base, self)
-        self.adc2 = Converter("ADC2", base + 0x100, self)
+        self.adc1 = Converter(0, base, self)
+        self.adc2 = Converter(1, base + 0x100, self)
         self.source: Source = lambda _channel: 0
-        self._busy_until = -1
-        self._injected_until = -1
-        self._overrun = False
+        self.listen()
+
+    def _shared(self) -> CData:
+        pair = ffi.new("adc *")
+        lib.adc_bind(pair)
+        return pair
+
+    def _share(self) -> None:
+        self._bind_bank()
+        self.value = Registers(self.shared.common, {name: place for place, name in enumerate(COMMON)})
 
     def read(self, offset: int, size: int) -> int:
         """ADC1 from 0x000, ADC2 from 0x100, common registers from 0x300."""
@@ -132,24 +123,27 @@ class AdcPair(Peripheral):
         else:
             super().write(offset, size, value)
 
-    @property
-    def dual(self) -> bool:
-        """Both convert together."""
-        return self.value["CCR"] & 0x1F in (SIMULTANEOUS, BOTH_SIMULTANEOUS)
-
-    @property
-    def clock_divider(self) -> int:
-        """HCLK over the ADC clock: PCLK2 divided by ADCPRE (13.13.16)."""
-        divider = self.soc.rcc.bus_divider(2) * 2 * ((self.value["CCR"] >> 16 & 3) + 1)
-        if self.soc.schedule.frequency / divider > MAX_CLOCK_HZ:
-            raise self.violation("the ADC clock is above 36 MHz", "13.13.16")
-        return divider
-
     def write_ccr(self, value: int) -> None:
         """Mode, DMA mode, clock and the internal reference."""
-        if value & 0x1F not in (0, SIMULTANEOUS, BOTH_SIMULTANEOUS) or value >> 14 & 3 not in (0, DMA_MODE_2):
+        if value & 0x1F not in (0, *DUAL) or value >> 14 & 3 not in (0, DMA_MODE_2):
             raise self.unmodelled("write", "CCR", 0x304, value)
         self.value["CCR"] = value
+        if not value >> 14 & 3:
+            self.allow_requests()
+
+    def allow_requests(self) -> None:
+        """DMA switched off: when it comes on again, requests begin anew (13.8.1)."""
+        self.shared.requests_over = 0
+
+    def held_after_s(self, channel: int) -> float:
+        """From the trigger to the instant whose voltage counts: the end of sampling, in seconds."""
+        return float(lib.adc_held_after_s(self.shared, channel))
+
+    def listen(self) -> None:
+        """Whose trigger output starts conversions."""
+        cr2 = self.adc1.value["CR2"]
+        timer = TRIGGERS.get(cr2 >> 24 & 0xF) if cr2 & ADON and cr2 >> 28 & 3 else None
+        self.shared.trigger = -1 if timer is None else getattr(lib, timer)
 
     def next_trigger(self) -> int | None:
         """The cycle at which the timer will trigger the next conversion, if it runs."""
@@ -158,87 +152,14 @@ class AdcPair(Peripheral):
             return None
         return self.soc.timers[TRIGGERS[cr2 >> 24 & 0xF]].next_update()
 
-    def trigger(self, timer: str) -> None:
-        """A timer's TRGO rises."""
-        cr2 = self.adc1.value["CR2"]
-        if cr2 & ADON and cr2 >> 28 & 3 and TRIGGERS[cr2 >> 24 & 0xF] == timer:
-            self.start(self.adc1)
-
-    def start(self, master: Converter) -> None:
-        """Samples now; the result comes after sampling and conversion. A trigger meanwhile is ignored."""
-        now = self.soc.schedule.now
-        if now < self._injected_until:
-            raise self.violation("a trigger during an injected conversion: the sample is late", "13.3.9")
-        if now < self._busy_until:
-            return
-        both = self.dual and master is self.adc1
-        if both and not self.adc2.value["CR2"] & ADON:
-            raise self.violation("dual mode with ADC2 off", "13.9")
-        length = master.conversion_cycles(master.channel)
-        if both and length != self.adc2.conversion_cycles(self.adc2.channel):
-            raise self.violation("simultaneous conversions of different length", "13.9.2")
-        self._busy_until = now + length * self.clock_divider
-        master.value["SR"] |= STRT
-        first = self.source(master.channel)
-        second = self.source(self.adc2.channel) if both else None
-        self.soc.schedule.at(self._busy_until, lambda: self._finish(master, first, second))
-
-    def start_injected(self, master: Converter) -> None:
-        """Samples now; in dual mode both do, and each has its own length."""
-        now = self.soc.schedule.now
-        if now < max(self._busy_until, self._injected_until):
-            raise self.violation("an injected conversion during another", "13.3.9")
-        if self.value["CCR"] & 0x1F == SIMULTANEOUS:
-            raise self.violation("an injected conversion in regular simultaneous mode", "13.9.2")
-        units = (self.adc1, self.adc2) if self.dual else (master,)
-        for unit in units:
-            length = unit.conversion_cycles(unit.injected_channel) * self.clock_divider
-            self._injected_until = max(self._injected_until, now + length)
-            unit.value["SR"] |= JSTRT
-            result = self.source(unit.injected_channel)
-            self.soc.schedule.at(now + length, partial(self._finish_injected, unit, result))
-
-    def _finish_injected(self, unit: Converter, result: int) -> None:
-        unit.value["JDR1"] = result
-        unit.value["SR"] |= JEOC
-
-    def _finish(self, master: Converter, first: int, second: int | None) -> None:
-        """Results, EOC, DMA request; a result that was not fetched in time is an overrun (13.8.2)."""
-        uses_dma = (
-            bool(self.value["CCR"] >> 14 & 3) if second is not None else bool(master.value["CR2"] & DMA)
-        )
-        if (uses_dma or master.value["CR2"] & EOCS) and master.value["SR"] & EOC:
-            master.value["SR"] |= OVR
-            self._overrun = uses_dma
-        if self._overrun and master.value["SR"] & OVR:
-            self.update_line()
-            return  # no more requests until OVR is cleared
-        self._overrun = False
-        master.value["DR"] = first
-        master.value["SR"] |= EOC
-        if second is not None:
-            self.adc2.value["DR"] = second
-            self.adc2.value["SR"] |= EOC
-            self.value["CDR"] = second << 16 | first
-        if uses_dma:
-            self.soc.dma_request("ADC1")
-        self.update_line()
-
     def read_csr(self) -> int:
         """Copies of both status registers."""
         return self.adc1.value["SR"] | self.adc2.value["SR"] << 8
 
     def read_cdr(self) -> int:
         """Both results; reading clears EOC of both."""
-        self.adc1.value["SR"] &= ~EOC
-        self.adc2.value["SR"] &= ~EOC
-        return self.value["CDR"] & ALL
+        return int(lib.adc_read_cdr(self.shared))
 
     def update_line(self) -> None:
         """One interrupt for all converters."""
-        high = any(
-            (unit.value["SR"] & EOC and unit.value["CR1"] & EOCIE)
-            or (unit.value["SR"] & OVR and unit.value["CR1"] & OVRIE)
-            for unit in (self.adc1, self.adc2)
-        )
-        self.soc.nvic.set_line(ADC_IRQ, high)
+        lib.adc_update_line(self.shared)

@@ -17,14 +17,14 @@ typedef struct {
     uint64_t instructions; /* executed since power-on */
     uint64_t blocks;       /* begun since power-on */
     uint32_t cpi_num, cpi_den;
-    uint32_t remainder;    /* of the last division by cpi_den */
-    uint32_t block_pc;     /* address of the block that runs */
-    uint32_t stopped;      /* 1: this clock stopped the emulator */
+    uint32_t remainder;      /* of the last division by cpi_den */
+    uint32_t block_pc;       /* address of the block that runs */
+    uint32_t stopped;        /* 1: this clock stopped the emulator */
     uint32_t watch_priority; /* priority of an interrupt that waits for a mask to open; 256: none waits */
     uint32_t code_base, code_size;
-    uintptr_t code;        /* the host's copy of the code memory */
-    uintptr_t stop;        /* int uc_emu_stop(uc_engine *) */
-    uintptr_t reg_read;    /* int uc_reg_read(uc_engine *, int, void *) */
+    uintptr_t code;     /* the host's copy of the code memory */
+    uintptr_t stop;     /* int uc_emu_stop(uc_engine *) */
+    uintptr_t reg_read; /* int uc_reg_read(uc_engine *, int, void *) */
     int32_t reg_primask, reg_basepri;
 } block_clock;
 

@@ -1,37 +1,37 @@
 """The shipping binary behind the same protocol as the native core.
 
-The emulated chip is wired as firmware/boards/nucleo_f446re/README.md says. A row of `run` is a millisecond
-of the world: what the converters see at eight instants 125 us apart, and where the encoders are at the last
-of them. Rows are laid on the chip's own trigger grid at its first conversion; between ticks encoders move
-linearly, and they rest for 1 us around each tick, so a latch that is later than that shows in the samples.
+The emulated chip is wired as `wiring` says, by default as firmware/boards/nucleo_f446re/README.md does. A
+row of `run` is a millisecond of the world: what the converters see at eight instants 125 us apart, and
+where the encoders are at the last of them. Rows are laid on the chip's own trigger grid at its first
+conversion; between ticks encoders move linearly, and they rest for 1 us around each tick, so a latch that
+is later than that shows in the samples. So do the voltages between conversions: one held more than 1 us
+after its trigger is another one.
 """
 
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hil_sim.board.elf.can_frame import Frame
+from hil_sim.board.elf.chip import CData, ffi, lib
 from hil_sim.board.elf.errors import EmulatorError
 from hil_sim.board.elf.image import flash
 from hil_sim.board.elf.memory import Memory
 from hil_sim.board.elf.signature import VREFINT_CAL
 from hil_sim.board.elf.soc import Soc
+from hil_sim.board.elf.wiring import NUCLEO, Wiring
 from hil_sim.board.native import TICK_US, BoardConfig
 
-CONVERSIONS = 8
+CONVERSIONS = 8  # as world.c has them, with the two periods
 TRIGGER_S = 125e-6
 TICK_S = 1e-3
-REST_TICKS = 1e-3  # 1 us, in ticks
 BOOT_STEP_S = 50e-6
 BOOT_LIMIT_S = 20.0
 SERIAL_BAUD = 921600
 FRAME_BITS = 10
 VREFINT_CHANNEL = 17
-AXIS_OF_CHANNEL = {10: 0, 11: 1}
-SELF_TEST = ("B", 5)
-ENCODER_FAULT = ("B", 10)
-SYNC = ("B", 6)
 SYNC_PULSE_S = 50e-6
 ENCODERS = (("TIM2", 0), ("TIM5", 1))
 FAULT_ENCODER, FAULT_SYNC, FAULT_LATE, FAULT_STALLED = 1, 2, 4, 8
@@ -39,7 +39,7 @@ BUS_OFF_ERRORS = 32  # transmissions that fail with a bit error: 8 each, 256 is 
 
 
 class ElfBoard:
-    """A Nucleo-F446RE in this process, running a binary; implements `Board`.
+    """A board with an STM32F446RE in this process, running a binary; implements `Board`.
 
     After a reset (RESET command, watchdog) the chip waits, `reset_requested` stays true, and `reboot` lets it
     boot again with the memory that it had.
@@ -48,20 +48,27 @@ class ElfBoard:
         image: the ELF file, or the memory of a chip that has run before (its settings are kept).
         config: of BoardConfig only the unique identity applies; the rest is the binary's own business.
         hse_present: the external clock runs.
+        wiring: what is connected to the chip.
     """
 
     def __init__(
-        self, image: Path | Memory, config: BoardConfig | None = None, hse_present: bool = True
+        self,
+        image: Path | Memory,
+        config: BoardConfig | None = None,
+        hse_present: bool = True,
+        wiring: Wiring = NUCLEO,
     ) -> None:
         memory = flash(image) if isinstance(image, Path) else image
-        self.soc = Soc(memory, (config or BoardConfig()).uid, hse_present)
-        self._adc: list[list[list[int]]]  # (n, 8, 2), of the rows that run; lists, as they are read singly
+        uid = (config or BoardConfig()).uid
+        self.wiring = wiring
+        self.soc = Soc(memory, uid, hse_present, hse_bypass=wiring.hse_bypass)
+        self.soc.wired = wiring.signals
+        self._world: CData = ffi.new("world *")
+        self._world.channels = wiring.axes
+        self.soc.chip.world = self._world
+        self._adc: NDArray[np.uint16]  # (n, 8, 2), of the rows that run
         self._encoder: NDArray[np.int64]  # (n + 1, 2), unwrapped: the row before, then those that run
-        self._counts: list[list[int]]  # the same, (2, n + 1)
-        self._first_row: int  # of those that run
         self._rows: int  # since boot
-        self._converting: bool
-        self._first_trigger_s = 0.0  # of row 0
         self.supply_mV = 3300  # of the chip and of what it measures
         self.soc.stop_at_reset = True
         self.reboot()
@@ -72,10 +79,9 @@ class ElfBoard:
         Raises:
             EmulatorError: the binary starts no conversion.
         """
-        self._converting = False
-        self._rows = self._first_row = 0
-        self._adc = []
-        self._set_encoders(np.zeros((1, 2), np.int64))
+        self._world.converting = 0
+        self._rows = 0
+        self._show(np.zeros((0, CONVERSIONS, 2), np.uint16), np.zeros((1, 2), np.int64))
         self._connect()
         self.soc.in_reset = False
         limit = self.soc.schedule.seconds() + BOOT_LIMIT_S
@@ -84,7 +90,7 @@ class ElfBoard:
                 raise EmulatorError(f"the binary starts no conversion within {BOOT_LIMIT_S:g} s of its boot")
             self.soc.run_for(BOOT_STEP_S)
         self._first_trigger_s = self.soc.schedule.cycle_seconds(trigger)
-        self._converting = True
+        self._world.converting = 1
 
     # --- the world at the pins ----------------------------------------------------------------------
 
@@ -93,43 +99,41 @@ class ElfBoard:
         self.soc.adc.source = self._analog
         for name, axis in ENCODERS:
             timer = self.soc.timers[name]
-            timer.position = lambda axis=axis, name=name: self._position(axis, name)
-        for port, pin in (ENCODER_FAULT, ("A", 8)):
+            timer.follow_world(axis, partial(self._position, axis, name))
+        for port, pin in self.wiring.encoder_faults:
             self.soc.gpio[port].drive(pin, True)
         self.soc.can1.sent.clear()
 
     def _analog(self, channel: int) -> int:
+        """What the world does not put on a channel itself."""
         if channel == VREFINT_CHANNEL:
             return round(VREFINT_CAL * 3300 / self.supply_mV)
-        if channel not in AXIS_OF_CHANNEL:
+        if channel not in self.wiring.axes:
             raise EmulatorError(f"nothing is wired to ADC channel {channel}")
-        if not self.soc.analog_input(channel):
-            raise EmulatorError(f"the pin of ADC channel {channel} is not in analogue mode")
-        conversion = round((self.soc.schedule.seconds() - self._first_trigger_s) / TRIGGER_S)
-        row, step = divmod(conversion, CONVERSIONS)
-        row -= self._first_row
-        if not 0 <= row < len(self._adc):
-            return 0  # while the chip boots
-        return self._adc[row][step][AXIS_OF_CHANNEL[channel]]
+        raise EmulatorError(f"the pin of ADC channel {channel} is not in analogue mode")
 
-    def _set_encoders(self, rows: NDArray[np.int64]) -> None:
-        self._encoder = rows
-        self._counts = rows.T.tolist()
+    @property
+    def _first_trigger_s(self) -> float:
+        """Of row 0."""
+        return float(self._world.first_trigger_s)
+
+    @_first_trigger_s.setter
+    def _first_trigger_s(self, seconds: float) -> None:
+        self._world.first_trigger_s = seconds
+
+    def _show(self, adc: NDArray[np.uint16], encoder: NDArray[np.int64]) -> None:
+        """Rows of the world, from the next one on; encoder has the row before them too."""
+        self._adc, self._encoder = np.ascontiguousarray(adc), np.ascontiguousarray(encoder)
+        self._world.codes = ffi.cast("uint16_t *", self._adc.ctypes.data)
+        self._world.counts = ffi.cast("int64_t *", self._encoder.ctypes.data)
+        self._world.rows, self._world.first_row = len(adc), self._rows
 
     def _position(self, axis: int, timer: str) -> int:
         """Counts of an encoder now; 0 while the chip boots, which is where its counters start."""
         routed = self.soc.routed
-        if not (self._converting and routed(timer + "_CH1") and routed(timer + "_CH2")):
+        if not (self._world.converting and routed(timer + "_CH1") and routed(timer + "_CH2")):
             return 0
-        since = self.soc.schedule.seconds() - self._first_trigger_s - (CONVERSIONS - 1) * TRIGGER_S
-        place = since / TICK_S - self._first_row + 1  # index into self._encoder
-        nearest = round(place)
-        rows = self._counts[axis]
-        if abs(place - nearest) <= REST_TICKS:
-            return rows[min(max(nearest, 0), len(rows) - 1)]
-        low = min(max(int(place), 0), len(rows) - 2)
-        share = min(max(place - low, 0.0), 1.0)
-        return rows[low] + round(share * (rows[low + 1] - rows[low]))
+        return int(lib.world_position(self._world, self.soc.schedule.seconds(), axis))
 
     # --- Board --------------------------------------------------------------------------------------
 
@@ -150,7 +154,8 @@ class ElfBoard:
     @property
     def self_test_pin(self) -> bool:
         """The accelerometer's self-test input is driven."""
-        return self.soc.gpio[SELF_TEST[0]].level(SELF_TEST[1])
+        port, pin = self.wiring.self_test
+        return self.soc.gpio[port].level(pin)
 
     @property
     def reset_requested(self) -> bool:
@@ -172,15 +177,14 @@ class ElfBoard:
             np.int32
         )  # wraps with the counters
         moved = np.vstack([np.zeros((1, 2), np.int64), np.cumsum(steps.astype(np.int64), axis=0)])
-        self._set_encoders(self._encoder[-1] + moved)
-        self._adc = np.asarray(adc).tolist()
-        self._first_row = self._rows
+        first = self._rows
+        self._show(np.asarray(adc, np.uint16), self._encoder[-1] + moved)
         if faults is not None and np.any(faults):
             for row, bits in enumerate(faults):
-                self._rows = self._first_row + row
+                self._rows = first + row
                 self._inject(int(bits))
                 self._run_to_row(self._rows + 1)
-        self._run_to_row(self._first_row + len(counts))
+        self._run_to_row(first + len(counts))
 
     def _row_end_s(self, row: int) -> float:
         """When a row's last conversion, plus nearly one trigger period, is over."""
@@ -192,12 +196,12 @@ class ElfBoard:
 
     def _inject(self, bits: int) -> None:
         soc = self.soc
-        soc.gpio[ENCODER_FAULT[0]].drive(ENCODER_FAULT[1], not bits & FAULT_ENCODER)
+        port, pin = self.wiring.encoder_faults[0]
+        soc.gpio[port].drive(pin, not bits & FAULT_ENCODER)
         soc.thread_held = bool(bits & FAULT_STALLED)
         if bits & FAULT_SYNC and soc.routed("TIM4_CH1"):
             timer = soc.timers["TIM4"]
-            soc.schedule.after_seconds(TICK_S / 2, lambda: timer.edge(1, True))
-            soc.schedule.after_seconds(TICK_S / 2 + SYNC_PULSE_S, lambda: timer.edge(1, False))
+            soc.schedule.after_seconds(TICK_S / 2, lambda: timer.pulse(1, SYNC_PULSE_S))
         if bits & FAULT_LATE:
             soc.interrupts_held = True
             soc.schedule.after_seconds(2.2 * TICK_S, self._release_interrupts)

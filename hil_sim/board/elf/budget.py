@@ -63,7 +63,15 @@ class TickCounter:
         self._entered_at: int | None = None
         self._exceptions = 0
         self._rows: list[tuple[int, int, int]] = []
-        board.soc.on_exception = self._on_exception
+        self.start()
+
+    def start(self) -> None:
+        """Watches exceptions; a watched chip is somewhat slower."""
+        self._board.soc.on_exception = self._on_exception
+
+    def stop(self) -> None:
+        """Does not watch them until the next start."""
+        self._board.soc.on_exception = None
 
     def _on_exception(self, exception: int, entering: bool) -> None:
         instructions = int(self._board.soc.clock.instructions)

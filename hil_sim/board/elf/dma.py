@@ -1,31 +1,28 @@
 """DMA controllers (RM0390 chapter 9): streams in direct mode between peripherals and memory.
 
-A request moves one item at the instant it is made. Arbitration delays of a few bus cycles are not modelled,
-so stream priorities have no observable effect.
+A request moves one item at the instant it is made (dma.c). Arbitration delays of a few bus cycles are not
+modelled, so stream priorities have no observable effect.
 """
 
 from collections.abc import Callable
 from typing import TYPE_CHECKING, ClassVar
 
-from hil_sim.board.elf.memory import MemoryRangeError
+from hil_sim.board.elf.chip import CData, Registers, ffi, lib
 from hil_sim.board.elf.registers import ALL, Peripheral, Register
 
 if TYPE_CHECKING:
     from hil_sim.board.elf.soc import Soc
 
-EN, TEIE, HTIE, TCIE, CIRC, MINC, DBM, CT = 1, 1 << 2, 1 << 3, 1 << 4, 1 << 8, 1 << 10, 1 << 18, 1 << 19
-TEIF, HTIF, TCIF = 1 << 3, 1 << 4, 1 << 5
+EN, TEIE, HTIE, TCIE, CT = 1, 1 << 2, 1 << 3, 1 << 4, 1 << 19
+TCIF = 1 << 5
 STREAMS = 8
-FLAG_SHIFT = (0, 6, 16, 22)  # of streams 0 to 3 in LISR, and of 4 to 7 in HISR (9.5.1)
 FLAG_MASK = 0x0F7D_0F7D
-# Request mapping (9.3.3, tables of DMA1 and DMA2): (controller, stream, channel) of each source used.
+# Request mapping (9.3.3): (controller, stream, channel) of sources whose request is a level; dma.c has all.
 REQUESTS = {
-    "TIM2_CH3": ("DMA1", 1, 3),
-    "TIM5_CH3": ("DMA1", 0, 6),
     "USART2_RX": ("DMA1", 5, 4),
     "USART2_TX": ("DMA1", 6, 4),
-    "ADC1": ("DMA2", 0, 0),
 }
+STREAM_NAMES = ("CR", "NDTR", "PAR", "M0AR", "M1AR", "FCR")
 
 
 class Stream:
@@ -34,13 +31,15 @@ class Stream:
     def __init__(self, controller: "Dma", number: int, irq: int) -> None:
         self.controller = controller
         self.number = number
-        self.irq = irq
-        self.value = {"CR": 0, "NDTR": 0, "PAR": 0, "M0AR": 0, "M1AR": 0, "FCR": 0x21}
-        self.flags = 0
-        self._total = 0
-        self._size = 1
-        self._offset = 0
-        self._bank: Peripheral = controller
+        self.shared: CData = controller.shared.streams[number]
+        self.shared.irq = irq
+        self.value = Registers(self.shared.reg, {name: place for place, name in enumerate(STREAM_NAMES)})
+        self.value["FCR"] = 0x21
+
+    @property
+    def flags(self) -> int:
+        """Event flags (9.5.1)."""
+        return int(self.shared.flags)
 
     @property
     def enabled(self) -> bool:
@@ -79,61 +78,18 @@ class Stream:
             raise violation("MSIZE differs from PSIZE in direct mode", "9.3.12")
         if self.value["NDTR"] == 0:
             raise violation(f"stream {self.number} enabled with nothing to transfer", "9.5.6")
-        self._total = self.value["NDTR"]
-        self._size = 1 << (cr >> 11 & 3)
-        self._bank, self._offset = self.controller.soc.peripheral(self.value["PAR"])
+        shared, (bank, offset) = self.shared, self.controller.soc.peripheral(self.value["PAR"])
+        shared.total, shared.size, shared.offset = self.value["NDTR"], 1 << (cr >> 11 & 3), offset
+        shared.peripheral = ffi.NULL if bank.shared is None else ffi.addressof(bank.shared, "bank")
         self.controller.started(self)
-
-    def transfer(self) -> None:
-        """Moves one item."""
-        cr, size = self.value["CR"], self._size
-        memory = self.value["M1AR" if cr & DBM and cr & CT else "M0AR"]
-        if cr & MINC:
-            memory += (self._total - self.value["NDTR"]) * size
-        ram = self.controller.soc.memory
-        try:
-            if cr >> 6 & 1:
-                self._bank.write(self._offset, size, int.from_bytes(ram.read_bytes(memory, size), "little"))
-            else:
-                ram.write_ram(memory, self._bank.read(self._offset, size).to_bytes(size, "little"))
-        except MemoryRangeError:
-            self.value["CR"] &= ~EN  # a bus error stops the stream (9.3.18)
-            self.set_flags(TEIF)
-            return
-        self._advance()
-
-    def _advance(self) -> None:
-        left = self.value["NDTR"] - 1
-        self.value["NDTR"] = left
-        if left == self._total // 2:
-            self.set_flags(HTIF)
-        if left == 0:
-            self._complete()
-
-    def _complete(self) -> None:
-        cr = self.value["CR"]
-        if cr & DBM:
-            self.value["CR"] ^= CT  # double-buffer mode is circular (9.3.10)
-        if cr & (CIRC | DBM):
-            self.value["NDTR"] = self._total
-        else:
-            self.value["CR"] &= ~EN
-        self.set_flags(TCIF)
 
     def set_flags(self, flags: int) -> None:
         """Event flags, and the interrupt behind them."""
-        self.flags |= flags
-        self.update_line()
+        lib.dma_set_flags(self.controller.shared, self.number, flags)
 
     def update_line(self) -> None:
-        """TEIE, HTIE and TCIE are one bit below their flags."""
-        enables = self.value["CR"]
-        wanted = (
-            (TEIF if enables & TEIE else 0)
-            | (HTIF if enables & HTIE else 0)
-            | (TCIF if enables & TCIE else 0)
-        )
-        self.controller.soc.nvic.set_line(self.irq, bool(self.flags & wanted))
+        """The interrupt, after a change of its enables."""
+        lib.dma_update_line(self.controller.shared, self.number)
 
 
 class Dma(Peripheral):
@@ -160,6 +116,14 @@ class Dma(Peripheral):
         self._rows = {register.offset: register for register in self.STREAM_REGISTERS}
         self._waiting: dict[tuple[int, int], Callable[[], None]] = {}
 
+    def _shared(self) -> CData:
+        controller = ffi.new("dma *")
+        lib.dma_bind(controller)
+        return controller
+
+    def _share(self) -> None:
+        self._bind_bank()  # the registers of the streams are theirs
+
     def on_start(self, stream: int, channel: int, resume: Callable[[], None]) -> None:
         """A source whose request is a level: it looks again when its stream is enabled."""
         self._waiting[stream, channel] = resume
@@ -170,38 +134,9 @@ class Dma(Peripheral):
         if resume is not None:
             self.soc.schedule.after(1, resume)
 
-    def request(self, stream: int, channel: int) -> bool:
-        """Moves one item if the stream is enabled and listens to the channel. Returns whether it was."""
-        chosen = self.streams[stream]
-        if not chosen.enabled or chosen.channel != channel:
-            return False
-        chosen.transfer()
-        return True
-
-    def _flags(self, first: int) -> int:
-        return sum(self.streams[first + index].flags << shift for index, shift in enumerate(FLAG_SHIFT))
-
-    def read_lisr(self) -> int:
-        """Flags of streams 0 to 3."""
-        return self._flags(0)
-
-    def read_hisr(self) -> int:
-        """Flags of streams 4 to 7."""
-        return self._flags(4)
-
-    def _clear(self, first: int, value: int) -> None:
-        for index, shift in enumerate(FLAG_SHIFT):
-            stream = self.streams[first + index]
-            stream.flags &= ~(value >> shift & 0x3D)
-            stream.update_line()
-
-    def write_lifcr(self, value: int) -> None:
-        """Ones clear flags of streams 0 to 3."""
-        self._clear(0, value)
-
-    def write_hifcr(self, value: int) -> None:
-        """Ones clear flags of streams 4 to 7."""
-        self._clear(4, value)
+    def fail(self, stream: int) -> None:
+        """The next transfer of a stream ends in a bus error (9.3.18)."""
+        self.streams[stream].shared.failing = 1
 
     def read(self, offset: int, size: int) -> int:
         """Stream registers lie 0x18 apart from 0x10 on."""

@@ -8,18 +8,17 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
 from hil_sim.board.elf.errors import PowerCut
-from hil_sim.board.elf.memory import FLASH_BASE
+from hil_sim.board.elf.memory import FLASH_BASE, SECTORS
 from hil_sim.board.elf.registers import ALL, Peripheral, Register
 
 if TYPE_CHECKING:
     from hil_sim.board.elf.soc import Soc
 
 KEY1, KEY2 = 0x4567_0123, 0xCDEF_89AB  # 3.5.2
-PG, SER, MER, STRT, LOCK = 1 << 0, 1 << 1, 1 << 2, 1 << 16, 1 << 31
-EOP, WRPERR, PGPERR, PGSERR = 1 << 0, 1 << 4, 1 << 6, 1 << 7
+PG, SER, STRT, LOCK = 1 << 0, 1 << 1, 1 << 16, 1 << 31
+EOP, PGPERR, PGSERR = 1 << 0, 1 << 6, 1 << 7
 ERRORS = 0x1F2
 PRFTEN, ICEN, DCEN, ICRST, DCRST = 1 << 8, 1 << 9, 1 << 10, 1 << 11, 1 << 12
-SECTORS_KB = (16, 16, 16, 16, 64, 128, 128, 128)  # 3.3, table of the flash module organization
 # Data sheet, flash memory programming: typical times. Erase by sector size and parallelism.
 PROGRAM_S = 16e-6
 ERASE_S = {16: (0.4, 0.3, 0.25), 64: (1.2, 0.7, 0.55), 128: (2.0, 1.3, 1.0)}
@@ -41,7 +40,7 @@ class Cut:
 
 def sector_range(sector: int) -> tuple[int, int]:
     """First offset in the flash, and size, both in bytes."""
-    return 1024 * sum(SECTORS_KB[:sector]), 1024 * SECTORS_KB[sector]
+    return SECTORS[sector]
 
 
 class Flash(Peripheral):
@@ -59,6 +58,7 @@ class Flash(Peripheral):
         self._key_step = 0
         self._key_failed = False
         self._undo: list[tuple[int, bytes]] = []
+        self.stale: set[int] = set()  # sectors erased while the data cache may hold what was in them
         self.operations = 0
         self.cut: Cut | None = None
 
@@ -73,6 +73,9 @@ class Flash(Peripheral):
             value & DCRST and self.value["ACR"] & value & DCEN
         ):
             raise self.violation("a cache was reset while it is enabled", "3.8.1")
+        if value & DCRST:
+            self.stale.clear()
+            self.soc.flash_touched()
         self.value["ACR"] = value
 
     def read_keyr(self) -> int:
@@ -106,7 +109,7 @@ class Flash(Peripheral):
             self._erase(value >> 3 & 0xF, value >> 8 & 3)
 
     def _erase(self, sector: int, parallelism: int) -> None:
-        if sector >= len(SECTORS_KB):
+        if sector >= len(SECTORS):
             raise self.violation(f"there is no sector {sector}", "3.3")
         if self.value["SR"] & ERRORS:
             raise self.violation("erase started with error flags set", "3.5.3")
@@ -114,7 +117,10 @@ class Flash(Peripheral):
         kept = self._spend(size)
         self.soc.memory.flash[start : start + kept] = b"\xff" * kept
         self._finish(kept < size)
-        self.soc.stall(ERASE_S[SECTORS_KB[sector]][min(parallelism, 2)])
+        if self.value["ACR"] & DCEN:
+            self.stale.add(sector)
+            self.soc.flash_touched()
+        self.soc.stall(ERASE_S[size // 1024][min(parallelism, 2)])
 
     def _spend(self, size: int) -> int:
         """Counts an operation. Returns how many of its bytes change before the supply fails."""
@@ -164,3 +170,11 @@ class Flash(Peripheral):
         for offset, data in self._undo:
             self.soc.memory.flash[offset : offset + len(data)] = data
         self._undo.clear()
+
+    def refuse_stale_read(self, address: int) -> None:
+        """Of an erased sector the data cache may still hold what was in it (3.5.3)."""
+        if all(not 0 <= address - FLASH_BASE - SECTORS[n][0] < SECTORS[n][1] for n in self.stale):
+            return  # flushed just now
+        raise self.violation(
+            f"0x{address:08X} read after an erase without a flush of the data cache", "3.5.3"
+        )

@@ -2,6 +2,7 @@
 
 from typing import TYPE_CHECKING, ClassVar
 
+from hil_sim.board.elf.chip import CData, ffi, lib
 from hil_sim.board.elf.registers import ALL, Peripheral, Register
 
 if TYPE_CHECKING:
@@ -32,8 +33,11 @@ class Gpio(Peripheral):
         super().__init__(f"GPIO{letter}", base, soc)
         for name, value in zip(("MODER", "OSPEEDR", "PUPDR"), RESETS.get(letter, (0, 0, 0)), strict=True):
             self.value[name] = value
-        self._driven: dict[int, bool] = {}
-        self._levels: int | None = None  # of all pins, while nothing changes
+
+    def _shared(self) -> CData:
+        gpio = ffi.new("gpio *")
+        lib.gpio_bind(gpio)
+        return gpio
 
     def mode(self, pin: int) -> int:
         """INPUT, OUTPUT, ALTERNATE or ANALOG."""
@@ -46,30 +50,23 @@ class Gpio(Peripheral):
 
     def drive(self, pin: int, high: bool | None) -> None:
         """What the world puts on a pin; None lets go of it."""
-        self._levels = None
-        if high is None:
-            self._driven.pop(pin, None)
-        else:
-            self._driven[pin] = high
+        shared, bit = self.shared, 1 << pin
+        shared.driven = shared.driven & ~bit if high is None else shared.driven | bit
+        shared.levels = shared.levels | bit if high else shared.levels & ~bit
 
     def level(self, pin: int) -> bool:
         """The pin: an output's own level, what drives it, or its pull resistor (open without one: low)."""
-        if self.mode(pin) == OUTPUT:
-            return bool(self.value["ODR"] >> pin & 1)
-        return self._driven.get(pin, self.value["PUPDR"] >> 2 * pin & 3 == 1)
+        return bool(lib.gpio_inputs(self.shared) >> pin & 1)
 
     def write(self, offset: int, size: int, value: int) -> None:
-        """Any write may change levels, some what the pins are for."""
+        """Some writes change what the pins are for."""
         super().write(offset, size, value)
-        self._levels = None
         if offset < 0x04 or offset >= 0x20:  # MODER, AFRL, AFRH
             self.soc.pins_changed()
 
     def read_idr(self) -> int:
         """Levels of the sixteen pins."""
-        if self._levels is None:
-            self._levels = sum(self.level(pin) << pin for pin in range(16) if self.mode(pin) != ANALOG)
-        return self._levels
+        return int(lib.gpio_inputs(self.shared))
 
     def read_bsrr(self) -> int:
         """Write-only: reads as 0."""

@@ -2,8 +2,8 @@
 
 from typing import TYPE_CHECKING, ClassVar
 
+from hil_sim.board.elf.chip import CData, ffi, lib
 from hil_sim.board.elf.registers import Peripheral, Register
-from hil_sim.board.elf.schedule import Event
 
 if TYPE_CHECKING:
     from hil_sim.board.elf.soc import Soc
@@ -25,9 +25,6 @@ class Iwdg(Peripheral):
 
     def __init__(self, base: int, soc: "Soc") -> None:
         super().__init__("IWDG", base, soc)
-        self.running = False
-        self._unlocked = False
-        self._event: Event | None = None
         self._busy = {"PR": -1.0, "RLR": -1.0}
 
     @property
@@ -40,34 +37,31 @@ class Iwdg(Peripheral):
         """Write-only: reads as 0."""
         return 0
 
+    def _shared(self) -> CData:
+        watchdog = ffi.new("iwdg *")
+        lib.iwdg_bind(watchdog)
+        return watchdog
+
     def write_kr(self, value: int) -> None:
         """The three keys; any other value locks PR and RLR again."""
-        self._unlocked = value == ACCESS
+        shared = self.shared
+        shared.unlocked = value == ACCESS
+        shared.timeout_s = self.timeout_s
+        started = bool(shared.running)
         if value == START:
-            self.running = True
-        if value == REFRESH or (value == START and self._event is None):
-            self._reload()
+            shared.running = 1
+        if value == REFRESH or (value == START and not started):
+            lib.iwdg_reload(shared)
         elif value not in (ACCESS, START):
             raise self.unmodelled("write", "KR", 0, value)
 
-    def reset_cycle(self) -> int | None:
-        """When it will reset the chip unless it is refreshed."""
-        return None if self._event is None else self._event.cycle
-
-    def _reload(self) -> None:
-        if self._event is not None:
-            self._event.cancel()
-        if self.running:
-            self._event = self.soc.schedule.after_seconds(
-                self.timeout_s, lambda: self.soc.request_reset("iwdg")
-            )
-
     def _write_protected(self, register: str, value: int) -> None:
-        if not self._unlocked:
+        if not self.shared.unlocked:
             raise self.violation(f"{register} written without the key 0x5555", "20.3.2")
         if self.soc.schedule.seconds() < self._busy[register]:
             raise self.violation(f"{register} written while its last update is under way", "20.4.4")
         self.value[register] = value
+        self.shared.timeout_s = self.timeout_s
         self._busy[register] = self.soc.schedule.seconds() + UPDATE_LSI_CYCLES / LSI_HZ
 
     def write_pr(self, value: int) -> None:

@@ -6,6 +6,8 @@ from hil_sim.board.elf.errors import EmulatorError
 
 FLASH_BASE = 0x0800_0000
 FLASH_SIZE = 512 * 1024
+SECTOR_KB = (16, 16, 16, 16, 64, 128, 128, 128)  # RM0390 3.3, table of the flash module organization
+SECTORS = [(1024 * sum(SECTOR_KB[:n]), 1024 * size) for n, size in enumerate(SECTOR_KB)]  # offset, bytes
 RAM_BASE = 0x2000_0000
 RAM_SIZE = 128 * 1024  # SRAM1 and SRAM2 are contiguous (RM0390 2.3.1)
 PAGE = 4096

@@ -1,4 +1,4 @@
-"""Nested vectored interrupt controller (PM0214 4.3) and the rules of priority (PM0214 2.3.5, 2.3.6).
+"""Nested vectored interrupt controller (PM0214 4.3): its registers, and what nvic.c knows of its state.
 
 Interrupts are level-sensitive here (PM0214 4.3.9): a line that is still high when its handler returns makes
 the interrupt pending again. All four priority bits preempt (PRIGROUP up to 3).
@@ -6,6 +6,7 @@ the interrupt pending again. All four priority bits preempt (PRIGROUP up to 3).
 
 from typing import TYPE_CHECKING
 
+from hil_sim.board.elf.chip import BitSet, CData, lib
 from hil_sim.board.elf.registers import Peripheral
 
 if TYPE_CHECKING:
@@ -13,12 +14,9 @@ if TYPE_CHECKING:
 
 IRQS = 97  # RM0390 10.1.3, table of vectors
 NMI = 2
-HARD_FAULT = 3
 PENDSV = 14
 SYSTICK = 15
 FIRST_IRQ = 16
-THREAD = 256  # lower than every priority
-FIXED = {NMI: -2, HARD_FAULT: -1}
 
 ISER, ICER, ISPR, ICPR, IABR, IPR = 0x100, 0x180, 0x200, 0x280, 0x300, 0x400
 WORDS = (IRQS + 31) // 32
@@ -32,54 +30,32 @@ class Nvic(Peripheral):
 
     def __init__(self, base: int, soc: "Soc") -> None:
         super().__init__("NVIC", base, soc)
-        self.priority = [0] * (FIRST_IRQ + IRQS)
-        self.enabled = set(range(FIRST_IRQ))
-        self.pending: set[int] = set()
-        self.lines: set[int] = set()
-        self.active: list[int] = []
+        chip = soc.chip
+        self.priority: CData = chip.priority
+        self.enabled = BitSet(chip.enabled)
+        self.pending = BitSet(chip.pending)
+        for words in (chip.enabled, chip.pending, chip.lines):
+            words[0:4] = [0, 0, 0, 0]
+        chip.priority[0 : FIRST_IRQ + IRQS] = [0] * (FIRST_IRQ + IRQS)
+        chip.enabled[0] = (1 << FIRST_IRQ) - 1
+        chip.nested = 0
+
+    @property
+    def active(self) -> list[int]:
+        """The exceptions under way, the one that runs last."""
+        return list(self.soc.chip.active[0 : self.soc.chip.nested])
 
     def pend(self, exception: int) -> None:
         """Makes an exception pending."""
-        self.pending.add(exception)
-        self.soc.interrupts_changed()
+        lib.nvic_pend(self.soc.chip, exception)
 
     def set_line(self, irq: int, high: bool) -> None:
         """A peripheral's interrupt line changes to, or stays at, a level."""
-        exception = FIRST_IRQ + irq
-        if not high:
-            self.lines.discard(exception)
-        elif exception not in self.lines:
-            self.lines.add(exception)
-            self.pend(exception)
+        lib.nvic_set_line(self.soc.chip, irq, high)
 
     def priority_of(self, exception: int) -> int:
         """Lower is more urgent."""
-        return FIXED.get(exception, self.priority[exception])
-
-    def execution_priority(self) -> int:
-        """The most urgent of the exceptions under way; THREAD without any (masks not counted)."""
-        return min((self.priority_of(number) for number in self.active), default=THREAD)
-
-    def candidate(self) -> int | None:
-        """The pending exception that would enter next but for masks; of equals the lower number."""
-        if not self.pending:
-            return None
-        ready = [(self.priority_of(n), n) for n in self.pending if n in self.enabled]
-        if not ready:
-            return None
-        priority, number = min(ready)
-        return number if priority < self.execution_priority() else None
-
-    def enter(self, exception: int) -> None:
-        """The processor takes an exception."""
-        self.pending.discard(exception)
-        self.active.append(exception)
-
-    def leave(self, exception: int) -> None:
-        """The handler has returned."""
-        self.active.remove(exception)
-        if exception in self.lines:
-            self.pending.add(exception)
+        return int(lib.nvic_priority(self.soc.chip, exception))
 
     # --- registers, PM0214 4.3.2 to 4.3.7: one bit (or, in IPR, one byte) an interrupt -----------------
 
@@ -92,7 +68,7 @@ class Nvic(Peripheral):
                 return sum(1 << bit for bit in range(32) if base + bit in members)
         if offset >= IPR and offset + size <= IPR + IRQS:
             first = FIRST_IRQ + offset - IPR
-            return int.from_bytes(bytes(self.priority[first : first + size]), "little")
+            return int.from_bytes(bytes(list(self.priority[first : first + size])), "little")
         raise self.unmodelled("read", "?", offset, (1 << (8 * size)) - 1)
 
     def write(self, offset: int, size: int, value: int) -> None:
@@ -114,10 +90,13 @@ class Nvic(Peripheral):
 
     def _set_or_clear(self, register: int, numbers: set[int]) -> None:
         if register == ISER:
-            self.enabled |= numbers
+            chosen, add = self.enabled, True
         elif register == ICER:
-            self.enabled -= numbers
+            chosen, add = self.enabled, False
         elif register == ISPR:
-            self.pending |= numbers
+            chosen, add = self.pending, True
         else:
-            self.pending -= numbers - self.lines
+            chosen, add = self.pending, False
+            numbers = numbers - set(BitSet(self.soc.chip.lines))
+        for number in numbers:
+            (chosen.add if add else chosen.discard)(number)

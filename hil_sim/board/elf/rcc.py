@@ -21,6 +21,7 @@ LSION, LSIRDY, RMVF = 1 << 0, 1 << 1, 1 << 24
 RESET_FLAGS = {
     "power": (1 << 25) | (1 << 26) | (1 << 27),  # BORRSTF, PINRSTF, PORRSTF (6.1.2, 6.3.21)
     "pin": 1 << 26,
+    "brown_out": (1 << 25) | (1 << 26),
     "software": (1 << 26) | (1 << 28),
     "iwdg": (1 << 26) | (1 << 29),
 }
@@ -59,6 +60,7 @@ class Rcc(Peripheral):
     def __init__(self, base: int, soc: "Soc", reset_cause: str) -> None:
         super().__init__("RCC", base, soc)
         self.hse_present = soc.hse_present
+        self.hse_bypass = soc.hse_bypass
         self._hse_ready = False
         self._pll_ready = False
         self.value["CSR"] = soc.reset_flags | RESET_FLAGS[reset_cause]
@@ -74,6 +76,8 @@ class Rcc(Peripheral):
         config = self.value["PLLCFGR"]
         divider_m, factor_n = config & 0x3F, config >> 6 & 0x1FF
         divider_p = 2 * ((config >> 16 & 3) + 1)
+        if config >> 24 & 0xF < 2:
+            raise self.violation(f"PLLQ {config >> 24 & 0xF} is not allowed", "6.3.2")
         if divider_m < 2 or not 50 <= factor_n <= 432:
             raise self.violation(f"PLLM {divider_m} or PLLN {factor_n} is not allowed", "6.3.2")
         source = (HSE_HZ if config >> 22 & 1 else HSI_HZ) / divider_m
@@ -122,7 +126,8 @@ class Rcc(Peripheral):
             raise self.violation("the oscillator of the system clock was switched off", "6.3.1")
         if (old ^ value) & HSEBYP and old & HSEON:
             raise self.violation("HSEBYP written while HSE is on", "6.3.1")
-        if value & HSEON and not old & HSEON and self.hse_present:
+        fits = self.hse_bypass is None or self.hse_bypass == bool(value & HSEBYP)
+        if value & HSEON and not old & HSEON and self.hse_present and fits:
             self.soc.schedule.after_seconds(HSE_START_S, self._hse_starts)
         if not value & HSEON:
             self._hse_ready = False

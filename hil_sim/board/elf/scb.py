@@ -2,6 +2,7 @@
 
 from typing import ClassVar
 
+from hil_sim.board.elf.memory import FLASH_BASE
 from hil_sim.board.elf.nvic import FIRST_IRQ, PENDSV, SYSTICK
 from hil_sim.board.elf.registers import ALL, Peripheral, Register
 
@@ -56,6 +57,11 @@ class Scb(Peripheral):
         if value & PENDSVSET:
             self.soc.nvic.pend(PENDSV)
 
+    def write_vtor(self, value: int) -> None:
+        """Where the vectors are."""
+        self.value["VTOR"] = value
+        self.soc.chip.vectors = value or FLASH_BASE  # address 0 is an alias of the flash (RM0390 2.4)
+
     def read_aircr(self) -> int:
         """The key reads back inverted in meaning (0xFA05)."""
         return VECTKEYSTAT << 16 | self.value["AIRCR"] & 0x0300
@@ -78,7 +84,7 @@ class Scb(Peripheral):
 
     def _store_priorities(self, register: str, first: int, value: int) -> None:
         self.value[register] = value
-        self.soc.nvic.priority[first : first + 4] = value.to_bytes(4, "little")
+        self.soc.nvic.priority[first : first + 4] = list(value.to_bytes(4, "little"))
         self.soc.interrupts_changed()
 
     def write_shpr1(self, value: int) -> None:

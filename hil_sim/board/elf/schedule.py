@@ -1,13 +1,14 @@
-"""Simulated time in cycles of the processor's clock, and what is to happen when.
+"""Simulated time in cycles of the processor's clock, and what is to happen when (schedule.c).
 
 Cycles are the base because everything on the buses counts them exactly. What follows another clock (the
 low-speed oscillator, the analogue world, a wire) converts with `seconds` and `cycles_for`; a change of the
 processor's clock starts a new line of that conversion.
 """
 
-import heapq
 from collections.abc import Callable
 from itertools import count
+
+from hil_sim.board.elf.chip import CData, lib
 
 Action = Callable[[], None]
 
@@ -15,38 +16,70 @@ Action = Callable[[], None]
 class Event:
     """Something that happens at a cycle unless it is cancelled."""
 
-    __slots__ = ("action", "cycle", "seconds")
+    __slots__ = ("action", "number", "pointer", "schedule")
 
-    def __init__(self, cycle: int, action: Action, seconds: float | None = None) -> None:
-        self.cycle = cycle
-        self.seconds = seconds  # set if the event follows time rather than the processor's clock
-        self.action: Action | None = action
+    def __init__(self, schedule: "Schedule", number: int, action: Action) -> None:
+        self.schedule = schedule
+        self.number = number
+        self.action = action
+        self.pointer: CData = None  # of the C event, until it has happened or been cancelled
+
+    @property
+    def cycle(self) -> int:
+        """When it is to happen."""
+        return int(self.pointer.cycle)
 
     def cancel(self) -> None:
         """It will not happen."""
-        self.action = None
+        if self.pointer is not None:
+            lib.schedule_cancel(self.pointer)
+            self.schedule.forget(self)
 
 
 class Schedule:
     """Events in order of time; those of one cycle in the order in which they were asked for."""
 
-    def __init__(self, frequency: float) -> None:
-        self.now = 0
-        self.frequency = frequency
-        self._base_cycle = 0
-        self._base_seconds = 0.0
-        self._heap: list[tuple[int, int, Event]] = []
-        self._order = count()
+    def __init__(self, chip: CData) -> None:
+        self._chip = chip
+        self._numbers = count()
+        self._waiting: dict[int, Event] = {}
 
-    def start(self, cycle: int, seconds: float) -> None:
-        """Begins at a cycle and a time other than zero: the chip was reset, the world goes on."""
-        self.now = self._base_cycle = cycle
-        self._base_seconds = seconds
+    @property
+    def now(self) -> int:
+        """The cycle up to which everything has happened."""
+        return int(self._chip.now)
+
+    @property
+    def frequency(self) -> float:
+        """Of the processor's clock, Hz."""
+        return float(self._chip.frequency)
+
+    def start(self, cycle: int, seconds: float, frequency: float) -> None:
+        """Begins anew, with nothing to happen: the chip was reset, the world goes on."""
+        for event in list(self._waiting.values()):
+            self.forget(event)
+        lib.schedule_start(self._chip, cycle, seconds, frequency)
+
+    def forget(self, event: Event) -> None:
+        """The event is over."""
+        event.pointer = None
+        self._waiting.pop(event.number, None)
+
+    def _new(self, action: Action) -> Event:
+        event = Event(self, next(self._numbers), action)
+        self._waiting[event.number] = event
+        return event
+
+    def happens(self, number: int) -> None:
+        """An event's time has come."""
+        event = self._waiting[number]
+        self.forget(event)
+        event.action()
 
     def at(self, cycle: int, action: Action) -> Event:
         """Calls action at a cycle (at once when that is past, but never before older events)."""
-        event = Event(cycle, action)
-        heapq.heappush(self._heap, (cycle, next(self._order), event))
+        event = self._new(action)
+        event.pointer = lib.schedule_python(self._chip, cycle, event.number)
         return event
 
     def after(self, cycles: int, action: Action) -> Event:
@@ -55,49 +88,25 @@ class Schedule:
 
     def after_seconds(self, delay: float, action: Action) -> Event:
         """Calls action after a stretch of time, whatever becomes of the processor's clock meanwhile."""
-        seconds = self.seconds() + delay
-        event = Event(self.now + self.cycles_for(delay), action, seconds)
-        heapq.heappush(self._heap, (event.cycle, next(self._order), event))
+        event = self._new(action)
+        event.pointer = lib.schedule_python_after_seconds(self._chip, delay, event.number)
         return event
-
-    def next_cycle(self) -> int | None:
-        """When the next event happens."""
-        while self._heap and self._heap[0][2].action is None:
-            heapq.heappop(self._heap)
-        return self._heap[0][0] if self._heap else None
 
     def fire(self, until: int) -> None:
         """Lets everything happen that is due at or before a cycle; `now` ends there."""
-        heap = self._heap
-        while heap and heap[0][0] <= until:
-            cycle, _, event = heapq.heappop(heap)
-            if event.action is not None:
-                self.now = max(self.now, cycle)
-                event.action()
-        self.now = max(self.now, until)
-
-    def fire_while_quiet(self, until: int, pending: set[int]) -> int:
-        """As `fire`, but ends after the event that makes something pending. Returns the cycle reached."""
-        heap = self._heap
-        while not pending and heap and heap[0][0] <= until:
-            cycle, _, event = heapq.heappop(heap)
-            if event.action is not None:
-                self.now = cycle
-                event.action()
-        self.now = until if not pending else self.now
-        return self.now
+        lib.schedule_fire(self._chip, until)
 
     def seconds(self) -> float:
         """Time since power-on, in seconds."""
-        return self._base_seconds + (self.now - self._base_cycle) / self.frequency
+        return float(lib.schedule_seconds(self._chip))
 
     def cycle_seconds(self, cycle: int) -> float:
         """Time since power-on of a cycle, if the clock keeps its frequency."""
-        return self._base_seconds + (cycle - self._base_cycle) / self.frequency
+        return float(self._chip.base_seconds) + (cycle - int(self._chip.base_cycle)) / self.frequency
 
     def cycle_at(self, seconds: float) -> int:
         """The cycle at a time since power-on, if the clock keeps its frequency."""
-        return self._base_cycle + round((seconds - self._base_seconds) * self.frequency)
+        return int(self._chip.base_cycle) + round((seconds - float(self._chip.base_seconds)) * self.frequency)
 
     def cycles_for(self, seconds: float) -> int:
         """Cycles in a stretch of time, at least one."""
@@ -105,11 +114,4 @@ class Schedule:
 
     def set_frequency(self, frequency: float) -> None:
         """The processor's clock changes now."""
-        self._base_seconds = self.seconds()
-        self._base_cycle = self.now
-        self.frequency = frequency
-        waiting, self._heap[:] = self._heap[:], []
-        for cycle, order, event in waiting:
-            if event.seconds is not None:
-                event.cycle = max(self.now, self.cycle_at(event.seconds))
-            heapq.heappush(self._heap, (cycle if event.seconds is None else event.cycle, order, event))
+        lib.schedule_set_frequency(self._chip, frequency)

@@ -2,7 +2,7 @@
 
 Time advances by events. While the processor sleeps the clock jumps to the next event; while it runs, it is
 stopped before the block of instructions that would begin after the next event. An interrupt enters between
-two blocks, never within one: at most a few hundred nanoseconds late.
+two blocks, never within one: at most a few hundred nanoseconds late. The loop itself is in run.c.
 """
 
 from collections.abc import Callable
@@ -10,13 +10,14 @@ from collections.abc import Callable
 from hil_sim.board.elf import dma as dma_model
 from hil_sim.board.elf.adc import AdcPair
 from hil_sim.board.elf.can import Can
-from hil_sim.board.elf.cpu import NO_WATCH, Cpu, Stop
+from hil_sim.board.elf.chip import CData, ffi, lib
+from hil_sim.board.elf.cpu import NO_WATCH, Cpu
 from hil_sim.board.elf.errors import UnmodelledAccess
 from hil_sim.board.elf.flash import Flash
 from hil_sim.board.elf.gpio import ANALOG, Gpio
 from hil_sim.board.elf.iwdg import Iwdg
 from hil_sim.board.elf.memory import FLASH_BASE, Memory
-from hil_sim.board.elf.nvic import THREAD, Nvic
+from hil_sim.board.elf.nvic import Nvic
 from hil_sim.board.elf.pwr import Pwr
 from hil_sim.board.elf.rcc import GATES, HSI_HZ, Rcc
 from hil_sim.board.elf.registers import Peripheral
@@ -53,13 +54,23 @@ PINS = {
     "CAN1_RX": (("B", 8, 9), ("A", 11, 9)),
     "CAN1_TX": (("B", 9, 9), ("A", 12, 9)),
 }
-ANALOG_PINS = {10: ("C", 0), 11: ("C", 1)}  # ADC123_IN10, ADC123_IN11
+SIGNALS = list(PINS)  # in the order of their numbers in the C part
+# ADC12_IN0 to ADC12_IN15 (data sheet, pin definitions).
+ANALOG_PINS = {
+    **{n: ("A", n) for n in range(8)}, 8: ("B", 0), 9: ("B", 1), **{10 + n: ("C", n) for n in range(6)}
+}  # fmt: skip
 
 
 class Soc:
     """A chip with a program in its flash.
 
     `memory` outlives a reset, as the hardware's does; everything else starts anew.
+
+    Args:
+        hse_bypass: what drives the oscillator's pin: a clock signal, which needs HSEBYP (True), a crystal,
+            which needs it off (False), or whichever of the two the program asks for (None).
+
+    `wired` names the pin of each signal that the world is connected to; others come over any of their pins.
     """
 
     def __init__(
@@ -68,34 +79,38 @@ class Soc:
         uid: tuple[int, int, int] = (1, 2, 3),
         hse_present: bool = True,
         reset_cause: str = "power",
+        hse_bypass: bool | None = None,
     ) -> None:
         self.memory = memory
         self.uid = uid
         self.hse_present = hse_present
+        self.hse_bypass = hse_bypass
+        self.wired: dict[str, tuple[str, int]] = {}
         self.cpu = Cpu(memory)
+        self.chip: CData = self.cpu.chip
+        self._handle = ffi.new_handle(self)
+        self.chip.handle = self._handle
         self.clock = self.cpu.clock
-        self.schedule = Schedule(HSI_HZ)
+        self.schedule = Schedule(self.chip)
+        self.schedule.start(0, 0.0, HSI_HZ)
         self.on_reset: Callable[[], None] = lambda: None
-        self.on_exception: Callable[[int, bool], None] | None = None
+        self._on_exception: Callable[[int, bool], None] | None = None
         self.resets: list[str] = []
         self.stop_at_reset = False
         self.in_reset = False
         self.reset_flags = 0
-        self.thread_held = False
-        self.interrupts_held = False
         self._reset_cause: str | None = None
         self._build(reset_cause)
-        self.cpu.map_peripherals(BUS_BASE, BUS_SIZE, self._cpu_read, self._cpu_write)
+        self.cpu.map_bus(BUS_BASE, BUS_SIZE)
         self.cpu.map_peripherals(SYSTEM_MEMORY, 0x1000, self._cpu_read, self._cpu_write)
         self.cpu.map_peripherals(SCS_BASE, 0x1000, self._cpu_read, self._cpu_write)
         self.cpu.on_flash_write(self._program)
+        self.cpu.on_unreadable(self._unreadable)
 
     def _build(self, reset_cause: str) -> None:
         """Every peripheral in its reset state, then the processor out of reset."""
-        self.sleeping = False
+        self.chip.sleeping = 0
         self._clocked: set[Peripheral] = set()  # banks known to have a clock
-        self._routes: dict[str, bool] = {}  # signals known to have a pin, or none
-        self._listeners: dict[str, list[Timer]] = {}  # timers by the one whose TRGO they take
         self._dma_resume: list[tuple[str, Callable[[], None]]] = []
         self.nvic = Nvic(SCS_BASE, self)
         self.scb = Scb("SCB", SCS_BASE, self)
@@ -105,6 +120,7 @@ class Soc:
         self.flash = Flash(0x4002_3C00, self)
         self.gpio = {letter: Gpio(letter, base, self) for letter, base in PORTS.items()}
         self.timers = {name: Timer(name, base, self, irq) for name, (base, irq) in TIMERS.items()}
+        self.timer_list = list(self.timers.values())  # in the order of their numbers in the C part
         self.dmas = {name: dma_model.Dma(name, base, self, irqs) for name, (base, irqs) in DMAS.items()}
         self.adc = AdcPair(0x4001_2000, self)
         self.usart2 = Usart("USART2", 0x4000_4400, self, 38)
@@ -119,8 +135,61 @@ class Soc:
         for source, resume in self._dma_resume:
             name, stream, channel = dma_model.REQUESTS[source]
             self.dmas[name].on_start(stream, channel, resume)
+        self._connect(banks)
         self.reset_flags = self.rcc.value["CSR"]
         self.cpu.reset(FLASH_BASE)
+
+    def _connect(self, banks: list[Peripheral]) -> None:
+        """Shows the C part its peripherals."""
+        chip = self.chip
+        chip.vectors = FLASH_BASE
+        chip.gpios = [port.shared for port in self.gpio.values()]
+        chip.timers = [timer.shared for timer in self.timer_list]
+        chip.dmas = [dma.shared for dma in self.dmas.values()]
+        chip.adc, chip.usart, chip.can = self.adc.shared, self.usart2.shared, self.can1.shared
+        chip.iwdg = self.iwdg.shared
+        chip.pages = [ffi.NULL] * len(chip.pages)
+        for bank in banks:
+            if bank.shared is not None:
+                chip.pages[(bank.base - BUS_BASE) // PAGE] = ffi.addressof(bank.shared, "bank")
+        self._shared_banks = [bank for bank in banks if bank.shared is not None]
+        self.pins_changed()
+        self.gates_changed()
+
+    # --- what holds the processor -------------------------------------------------------------------
+
+    @property
+    def sleeping(self) -> bool:
+        """WFI waits for an interrupt."""
+        return bool(self.chip.sleeping)
+
+    @property
+    def thread_held(self) -> bool:
+        """The main loop stands still, as a test asked."""
+        return bool(self.chip.thread_held)
+
+    @thread_held.setter
+    def thread_held(self, held: bool) -> None:
+        self.chip.thread_held = held
+
+    @property
+    def interrupts_held(self) -> bool:
+        """No interrupt enters, as a test asked."""
+        return bool(self.chip.interrupts_held)
+
+    @interrupts_held.setter
+    def interrupts_held(self, held: bool) -> None:
+        self.chip.interrupts_held = held
+
+    @property
+    def on_exception(self) -> Callable[[int, bool], None] | None:
+        """Called with each exception that is entered (True) or left (False)."""
+        return self._on_exception
+
+    @on_exception.setter
+    def on_exception(self, watcher: Callable[[int, bool], None] | None) -> None:
+        self._on_exception = watcher
+        self.chip.watched = watcher is not None
 
     # --- buses --------------------------------------------------------------------------------------
 
@@ -142,10 +211,13 @@ class Soc:
             raise UnmodelledAccess("access", "?", "?", address, 0, self.pc)
         return bank
 
+    def _gated(self, bank: Peripheral) -> bool:
+        names = ("ADC1", "ADC2") if bank is self.adc else (bank.name,)
+        return any(name in GATES and self.rcc.gated(name) for name in names)
+
     def _check_clock(self, bank: Peripheral) -> None:
         if bank not in self._clocked:
-            names = ("ADC1", "ADC2") if bank is self.adc else (bank.name,)
-            if any(name in GATES and self.rcc.gated(name) for name in names):
+            if self._gated(bank):
                 raise bank.violation("accessed while its clock is gated", "6.2")
             self._clocked.add(bank)
 
@@ -160,46 +232,42 @@ class Soc:
         self._check_clock(bank)
         return bank, address - bank.base
 
-    def _cpu_read(self, address: int, size: int) -> int:
-        self._catch_up()
+    def bus_read(self, address: int, size: int) -> int:
+        """A read by the processor or the DMA."""
         bank, offset = self.peripheral(address)
         return bank.read(offset, size)
 
-    def _cpu_write(self, address: int, size: int, value: int) -> None:
-        self._catch_up()
+    def bus_write(self, address: int, size: int, value: int) -> None:
+        """A write by the processor or the DMA."""
         bank, offset = self.peripheral(address)
         bank.write(offset, size, value)
-        head = self.schedule.next_cycle()
-        if head is not None and head < self.clock.deadline:
-            self.clock.deadline = head
+
+    def _cpu_read(self, address: int, size: int) -> int:
+        self.schedule.fire(self.clock.cycles)  # what is due before this access has happened before it
+        return self.bus_read(address, size)
+
+    def _cpu_write(self, address: int, size: int, value: int) -> None:
+        self.schedule.fire(self.clock.cycles)
+        self.bus_write(address, size, value)
+        self.clock.deadline = min(self.clock.deadline, lib.schedule_next(self.chip))
 
     def _program(self, address: int, size: int, value: int) -> None:
+        self.flash_touched()
         self.flash.program(address, size, value)
 
-    def _catch_up(self) -> None:
-        """What is due before this access has happened before it."""
-        self.schedule.fire(self.clock.cycles)
+    def _unreadable(self, address: int) -> None:
+        self.flash.refuse_stale_read(address)
+
+    def flash_touched(self) -> None:
+        """The flash has business with the memory once the processor stands still."""
+        self.chip.flash_touched = 1
+
+    def settle(self) -> None:
+        """That business: what was programmed, and what may be read."""
+        self.flash.settle()
+        self.cpu.set_unreadable(self.flash.stale)
 
     # --- wires --------------------------------------------------------------------------------------
-
-    def trgo(self, timer: str) -> None:
-        """A timer's trigger output rises: it starts conversions and triggers other timers."""
-        self.adc.trigger(timer)
-        listeners = self._listeners.get(timer)
-        if listeners is None:
-            listeners = [other for other in self.timers.values() if other.trigger_source() == timer]
-            self._listeners[timer] = listeners
-        for other in listeners:
-            other.trigger()
-
-    def triggers_changed(self) -> None:
-        """A timer may listen to another one."""
-        self._listeners.clear()
-
-    def dma_request(self, source: str) -> bool:
-        """A peripheral asks for a transfer. Returns whether it took place."""
-        name, stream, channel = dma_model.REQUESTS[source]
-        return self.dmas[name].request(stream, channel)
 
     def on_dma_start(self, source: str, resume: Callable[[], None]) -> None:
         """A source that keeps asking until its stream is enabled."""
@@ -207,11 +275,20 @@ class Soc:
 
     def routed(self, signal: str) -> bool:
         """A pin is switched to the signal."""
-        known = self._routes.get(signal)
-        if known is None:
-            known = any(self.gpio[port].alternate(pin) == function for port, pin, function in PINS[signal])
-            self._routes[signal] = known
-        return known
+        return bool(lib.chip_route(self.chip, self.signal(signal)))
+
+    def signal(self, name: str) -> int:
+        """The number of a signal in the C part."""
+        return SIGNALS.index(name)
+
+    def find_route(self, number: int) -> bool:
+        """As `routed`, looked up anew, by the signal's number."""
+        signal = SIGNALS[number]
+        return any(
+            self.gpio[port].alternate(pin) == function
+            for port, pin, function in PINS[signal]
+            if self.wired.get(signal, (port, pin)) == (port, pin)
+        )
 
     def analog_input(self, channel: int) -> bool:
         """The channel's pin is in analogue mode."""
@@ -221,12 +298,17 @@ class Soc:
     # --- changes that reach beyond a peripheral -----------------------------------------------------
 
     def gates_changed(self) -> None:
-        """A clock was switched on or off."""
+        """A clock was switched on or off, or divided."""
         self._clocked.clear()
+        chip = self.chip
+        chip.apb1, chip.apb2 = self.rcc.bus_divider(1), self.rcc.bus_divider(2)
+        chip.timer_divider = self.rcc.timer_divider(1)
+        for bank in self._shared_banks:
+            bank.shared.bank.clocked = not self._gated(bank)
 
     def pins_changed(self) -> None:
         """A pin may have got another function."""
-        self._routes.clear()
+        self.chip.routes = [-1] * len(self.chip.routes)
 
     def interrupts_changed(self) -> None:
         """Looks at the pending interrupts before the next block."""
@@ -244,14 +326,14 @@ class Soc:
     def request_reset(self, cause: str) -> None:
         """System reset before the next block."""
         self._reset_cause = cause
+        self.chip.reset_requested = 1
         self.clock.deadline = 0
 
     def _reset(self, cause: str) -> None:
         self._reset_cause = None
+        self.chip.reset_requested = 0
         self.resets.append(cause)
-        seconds = self.schedule.seconds()
-        self.schedule = Schedule(HSI_HZ)
-        self.schedule.start(self.clock.cycles, seconds)
+        self.schedule.start(self.clock.cycles, self.schedule.seconds(), HSI_HZ)
         self.clock.watch_priority = NO_WATCH
         left = self.usart2.sent, self.can1.sent  # what is on the wire no reset calls back
         self._build(cause)
@@ -263,98 +345,29 @@ class Soc:
 
     def run_until(self, cycle: int) -> None:
         """Runs the chip until (just past) a cycle."""
-        clock = self.clock
-        while True:
-            self.schedule.fire(clock.cycles)
-            if self._reset_cause is not None:
-                self._reset(self._reset_cause)
-            if self.in_reset:
-                clock.cycles = max(clock.cycles, cycle)
-                self.schedule.fire(clock.cycles)
-                return
-            if clock.cycles >= cycle:
-                return
-            self._take_interrupt()
-            head = self.schedule.next_cycle()
-            deadline = cycle if head is None else min(cycle, head)
-            if deadline <= clock.cycles:
-                continue
-            if self.sleeping or (self.thread_held and not self.nvic.active):
-                if self.nvic.pending or self._reset_cause is not None:
-                    clock.cycles = deadline
-                else:
-                    clock.cycles = self.schedule.fire_while_quiet(self._quiet_until(cycle), self.nvic.pending)
-                continue
-            try:
-                stop = self.cpu.run(deadline)
-            finally:
-                self.flash.settle()
-            self.schedule.fire(clock.cycles)
-            if stop is Stop.EXCEPTION_RETURN:
-                self._return()
-            elif stop is Stop.SLEEP:
-                self.sleeping = not self._wakes()
-
-    def _quiet_until(self, cycle: int) -> int:
-        """How far a sleeping chip may be taken in one go: the watchdog's reset ends it."""
-        reset = self.iwdg.reset_cycle()
-        return cycle if reset is None else max(self.clock.cycles, min(cycle, reset))
+        while not self._stands(cycle) and self._resets(lib.chip_run_until(self.chip, cycle)):
+            pass
 
     def run_for(self, seconds: float) -> None:
         """Runs the chip for a stretch of time; the processor's clock may change meanwhile."""
         end = self.schedule.seconds() + seconds
-        while self.schedule.seconds() < end - 0.5 / self.schedule.frequency:
-            self.run_until(
-                min(self.schedule.cycle_at(end), self.clock.cycles + int(1e-3 * self.schedule.frequency))
-            )
+        while not self._stands(self.schedule.cycle_at(end)) and self._resets(
+            lib.chip_run_for(self.chip, end)
+        ):
+            pass
 
-    def _wakes(self) -> bool:
-        """WFI ends for an interrupt that would preempt if PRIMASK were clear (PM0214 2.5.3)."""
-        candidate = self.nvic.candidate()
-        if candidate is None:
+    def _stands(self, cycle: int) -> bool:
+        """A chip in reset lets time pass, until a cycle."""
+        if self.in_reset:
+            self.clock.cycles = max(self.clock.cycles, cycle)
+            self.schedule.fire(self.clock.cycles)
+        return self.in_reset
+
+    def _resets(self, status: int) -> bool:
+        """What the C part came back for: whether the chip was reset and is to run on."""
+        if status == lib.CHIP_DONE:
             return False
-        _, basepri = self.cpu.masks()
-        return basepri == 0 or self.nvic.priority_of(candidate) < basepri
-
-    def _take_interrupt(self) -> None:
-        """Enters the most urgent pending exception, or leaves word to watch the mask that holds it back."""
-        clock, nvic = self.clock, self.nvic
-        clock.watch_priority = NO_WATCH
-        candidate = None if self.interrupts_held else nvic.candidate()
-        if candidate is None:
-            return
-        primask, basepri = self.cpu.masks()
-        priority = nvic.priority_of(candidate)
-        if self.sleeping and (basepri == 0 or priority < basepri):
-            self.sleeping = False
-        if priority >= 0 and (primask or (basepri and priority >= basepri)):
-            clock.watch_priority = priority
-            return
-        nested = nvic.execution_priority() != THREAD
-        nvic.enter(candidate)
-        if self.on_exception is not None:
-            self.on_exception(candidate, True)
-        self.cpu.enter(candidate, self._handler(candidate), nested)
-
-    def _handler(self, exception: int) -> int:
-        vector = self.scb.value["VTOR"] or FLASH_BASE  # address 0 is an alias of the flash (RM0390 2.4)
-        return int.from_bytes(self.memory.read_bytes(vector + 4 * exception, 4), "little")
-
-    def _return(self) -> None:
-        """A handler has ended: the next pending one is chained, or the frame is popped."""
-        nvic = self.nvic
-        finished = nvic.active[-1]
-        nvic.leave(finished)
-        if self.on_exception is not None:
-            self.on_exception(finished, False)
-        following = None if self.interrupts_held else nvic.candidate()
-        if following is not None:
-            primask, basepri = self.cpu.masks()
-            priority = nvic.priority_of(following)
-            if priority < 0 or not (primask or (basepri and priority >= basepri)):
-                nvic.enter(following)
-                if self.on_exception is not None:
-                    self.on_exception(following, True)
-                self.cpu.tail_chain(following, self._handler(following))
-                return
-        self.cpu.leave()
+        if status != lib.CHIP_RESET or self._reset_cause is None:
+            raise self.cpu.error()
+        self._reset(self._reset_cause)
+        return True

@@ -1,23 +1,21 @@
-"""General-purpose timers (RM0390 chapter 17, TIM2 to TIM5; chapter 18, TIM12).
+"""General-purpose timers (RM0390 chapter 17, TIM2 to TIM5; chapter 18, TIM12): configuration and inputs.
 
-Counting is lazy: a running counter is its value at a known cycle plus the cycles since. Only what others can
-notice (an update, a trigger) is an event. Inputs are edges on TI1 and TI2, or a position that the
+Counting, triggers and captures are in timer.c. Inputs are edges on TI1 and TI2, or a position that the
 encoder interface follows.
 """
 
 from collections.abc import Callable
 from typing import TYPE_CHECKING, ClassVar
 
+from hil_sim.board.elf.chip import CData, ffi, lib
 from hil_sim.board.elf.registers import ALL, Peripheral, Register
-from hil_sim.board.elf.schedule import Event
 
 if TYPE_CHECKING:
     from hil_sim.board.elf.soc import Soc
 
-CEN, URS, ARPE, DIR = 1 << 0, 1 << 2, 1 << 7, 1 << 4
-MMS_RESET, MMS_UPDATE = 0, 2
-INTERNAL, ENCODER_TI2, ENCODER_TI1, ENCODER_BOTH, TRIGGER, EXTERNAL = 0, 1, 2, 3, 6, 7
-UIE, UIF = 1, 1
+CEN, URS, ARPE = 1 << 0, 1 << 2, 1 << 7
+FOLLOWS_NOTHING, FOLLOWS_WORLD, FOLLOWS_PYTHON = range(3)
+INTERNAL, ENCODER_TI2, ENCODER_TI1, ENCODER_BOTH, TRIGGER = 0, 1, 2, 3, 6
 CHANNELS = (1, 2, 3, 4)
 # Tables "TIMx internal trigger connection" (17.4.3, 18.4.3): what ITR0 to ITR3 of each timer are.
 INTERNAL_TRIGGERS = {
@@ -27,6 +25,11 @@ INTERNAL_TRIGGERS = {
     "TIM5": ("TIM2", "TIM3", "TIM4", "TIM8"),
     "TIM12": ("TIM4", "TIM5", "TIM13", "TIM14"),
 }
+# Input filter (17.4.7, ICxF): cycles between readings, and readings that must agree.
+FILTERS = (
+    (1, 0), (1, 2), (1, 4), (1, 8), (2, 6), (2, 8), (4, 6), (4, 8),
+    (8, 6), (8, 8), (16, 5), (16, 6), (16, 8), (32, 5), (32, 6), (32, 8),
+)  # fmt: skip
 # Counting direction against encoder signals (17.3.12): rising TI1 while TI2 is low counts up, and so on.
 # Key: (input whose edge it is, its new level, level of the other input).
 DIRECTION = {
@@ -60,19 +63,19 @@ class Timer(Peripheral):
 
     def __init__(self, name: str, base: int, soc: "Soc", irq: int) -> None:
         super().__init__(name, base, soc)
-        self.irq = irq
         self.width = 32 if name in ("TIM2", "TIM5") else 16
         self._top = (1 << self.width) - 1
-        self.value["ARR"] = self._top
-        self._arr = self._top
-        self._psc = 0
-        self._count = 0
-        self._since = 0
-        self._overflow: Event | None = None
+        self.value["ARR"] = self.shared.arr = self._top
+        self.shared.irq = irq
+        self.shared.number = getattr(lib, name)
         self._levels = {1: False, 2: False}
-        self._trc_channels: list[int] = []  # those that capture at a trigger
-        self.position: Callable[[], int] | None = None
-        self._last_position: int | None = None
+        self._position: Callable[[], int] | None = None
+        self._listen()
+
+    def _shared(self) -> CData:
+        timer = ffi.new("timer *")
+        lib.timer_bind(timer)
+        return timer
 
     # --- counting -----------------------------------------------------------------------------------
 
@@ -92,58 +95,20 @@ class Timer(Peripheral):
         return bool(self.value["CR1"] & CEN)
 
     @property
-    def step(self) -> int:
-        """Processor cycles a count: (PSC + 1) cycles of the timer's clock."""
-        return self.soc.rcc.timer_divider(1) * (self._psc + 1)
-
-    @property
     def _free_running(self) -> bool:
         return self.enabled and self.mode in (INTERNAL, TRIGGER)
 
     def count(self) -> int:
         """CNT now."""
-        if not self.value["CR1"] & CEN:
-            return self._count
-        mode = self.value["SMCR"] & 7
-        if mode in (ENCODER_TI1, ENCODER_TI2, ENCODER_BOTH):
-            self._follow()
-        elif mode in (INTERNAL, TRIGGER):
-            return (self._count + (self.soc.schedule.now - self._since) // self.step) % (self._arr + 1)
-        return self._count
+        return int(lib.timer_count(self.shared))
 
     def next_update(self) -> int | None:
         """The cycle of the next update event, if the counter runs."""
-        return None if self._overflow is None or self._overflow.action is None else self._overflow.cycle
+        return int(self.shared.overflow.cycle) if self.shared.overflow else None
 
     def _restart(self, count: int) -> None:
         """Counting goes on from a value at this instant, with an empty prescaler."""
-        self._count, self._since = count, self.soc.schedule.now
-        if self._overflow is not None:
-            self._overflow.cancel()
-            self._overflow = None
-        if self._free_running:
-            if count > self._arr:
-                raise self.violation(f"CNT {count} is above ARR {self._arr}", "17.3.2")
-            self._overflow = self.soc.schedule.after((self._arr + 1 - count) * self.step, self._overflows)
-
-    def _overflows(self) -> None:
-        self._update(flag=True)
-        self._restart(0)
-
-    def _update(self, flag: bool) -> None:
-        """Update event (17.3.2): preload registers, UIF, trigger output."""
-        self._psc, self._arr = self.value["PSC"], self.value["ARR"]
-        if flag:
-            self._set_flag(UIF)
-        if self.value["CR2"] >> 4 & 7 == MMS_UPDATE:
-            self.soc.trgo(self.name)
-
-    def _tick(self) -> None:
-        """One edge of an external clock (external clock mode 1, 17.3.3)."""
-        self._count += 1
-        if self._count > self._arr:
-            self._count = 0
-            self._update(flag=True)
+        lib.timer_restart(self.shared, count)
 
     # --- triggers and captures ----------------------------------------------------------------------
 
@@ -152,30 +117,14 @@ class Timer(Peripheral):
         selection = self.value["SMCR"] >> 4 & 7
         return INTERNAL_TRIGGERS[self.name][selection] if selection < 4 else None
 
-    def trigger(self) -> None:
-        """A rising edge of TRGI, and of TRC behind it."""
-        for channel in self._trc_channels:
-            self._capture(channel)
-        if self.mode == TRIGGER and not self.enabled:
-            self.value["CR1"] |= CEN
-            self._restart(self._count)
-        elif self.mode == EXTERNAL and self.enabled:
-            self._tick()
+    def _listen(self) -> None:
+        """Whose trigger output it hears."""
+        names, source = list(INTERNAL_TRIGGERS), self.trigger_source()
+        self.shared.source = names.index(source) if source in names else -1
 
     def _capture_selection(self, channel: int) -> int:
         register = self.value["CCMR1" if channel < 3 else "CCMR2"]
         return register >> (8 if channel % 2 == 0 else 0) & 3
-
-    def _capture(self, channel: int) -> None:
-        """CCRx takes CNT; a second capture before the first was read sets CCxOF (17.3.6)."""
-        if not self.value["CCER"] >> 4 * (channel - 1) & 1:
-            return
-        self.value[f"CCR{channel}"] = self.count()
-        if self.value["SR"] >> channel & 1:
-            self.value["SR"] |= 1 << (8 + channel)
-        self._set_flag(1 << channel)
-        if self.value["DIER"] >> (8 + channel) & 1:
-            self.soc.dma_request(f"{self.name}_CH{channel}")
 
     def edge(self, channel: int, rising: bool) -> None:
         """An edge on TI1 or TI2: captures, and counts in the encoder modes."""
@@ -185,7 +134,19 @@ class Timer(Peripheral):
         if self.encoder and self.enabled:
             self._encoder_edge(channel, rising)
         elif direct and rising != falling_selected:
-            self._capture(channel)
+            lib.timer_capture(self.shared, channel)
+
+    def filter_seconds(self, channel: int) -> float:
+        """Pulses shorter than this do not pass the input's filter (17.3.6)."""
+        between, readings = FILTERS[self.value["CCMR1"] >> (4 if channel == 1 else 12) & 15]
+        cycles = between * readings * self.soc.rcc.timer_divider(1)
+        return cycles / self.soc.schedule.frequency
+
+    def pulse(self, channel: int, seconds: float) -> None:
+        """A high pulse on TI1 or TI2, from now on; nothing if the filter swallows it."""
+        if seconds > self.filter_seconds(channel):
+            self.edge(channel, True)
+            self.soc.schedule.after_seconds(seconds, lambda: self.edge(channel, False))
 
     # --- encoder interface (17.3.12) ----------------------------------------------------------------
 
@@ -197,41 +158,26 @@ class Timer(Peripheral):
         if channel in counts_on:
             other = 3 - channel
             level = rising != self._inverted(channel)
-            self._turn(DIRECTION[channel, level, self._levels[other] != self._inverted(other)])
+            turn = DIRECTION[channel, level, self._levels[other] != self._inverted(other)]
+            lib.timer_turn(self.shared, turn)
 
-    def _turn(self, counts: int) -> None:
-        """CNT moves within 0..ARR; passing an end is an update event."""
-        if not counts:
-            return
-        raw = self._count + counts
-        self._count = raw % (self._arr + 1)
-        self.value["CR1"] = self.value["CR1"] & ~DIR | (DIR if counts < 0 else 0)
-        if raw != self._count:
-            self._update(flag=True)
+    @property
+    def position(self) -> Callable[[], int] | None:
+        """Where the encoder is, in quarter periods; None: there is no encoder."""
+        return self._position
 
-    def _follow(self) -> None:
-        """Counts the edges that a moving encoder has produced since the last look.
+    @position.setter
+    def position(self, position: Callable[[], int] | None) -> None:
+        self._position = position
+        self.shared.follows = FOLLOWS_NOTHING if position is None else FOLLOWS_PYTHON
 
-        `position` is in quarter periods, so in the mode that counts every edge one step is one count.
-        """
-        if self.position is None:
-            return
-        here = self.position()
-        if self._last_position is not None and here != self._last_position:
-            if self.mode != ENCODER_BOTH:
-                raise self.unmodelled("position in encoder mode", "SMCR", 0x08, self.mode)
-            self._turn((here - self._last_position) * (-1 if self._inverted(1) != self._inverted(2) else 1))
-        self._last_position = here
+    def follow_world(self, axis: int, position: Callable[[], int]) -> None:
+        """Follows an encoder of the C part's world; `position` says the same to Python."""
+        self._position = position
+        self.shared.follows, self.shared.axis = FOLLOWS_WORLD, axis
+        self.shared.signals = [self.soc.signal(f"{self.name}_CH{channel}") for channel in (1, 2)]
 
     # --- registers ----------------------------------------------------------------------------------
-
-    def _set_flag(self, bits: int) -> None:
-        self.value["SR"] |= bits
-        if self.value["DIER"] & 0x1F:
-            self._update_line()
-
-    def _update_line(self) -> None:
-        self.soc.nvic.set_line(self.irq, bool(self.value["SR"] & self.value["DIER"] & 0x1F))
 
     def read_cr1(self) -> int:
         """CEN also set by the trigger mode; DIR by the encoder interface."""
@@ -243,7 +189,7 @@ class Timer(Peripheral):
         now = self.count()
         self.value["CR1"] = value
         if self.encoder and self.enabled:
-            self._last_position = self.position() if self.position else None
+            lib.timer_place(self.shared)
         self._restart(now)
 
     def write_smcr(self, value: int) -> None:
@@ -254,24 +200,18 @@ class Timer(Peripheral):
             raise self.violation("TS changed while a slave mode is selected", "17.4.3")
         now = self.count()
         self.value["SMCR"] = value
-        self.soc.triggers_changed()
-        self._last_position = self.position() if self.encoder and self.position else None
+        self._listen()
+        lib.timer_place(self.shared)
         self._restart(now)
 
     def write_dier(self, value: int) -> None:
         """Interrupt and DMA enables."""
         self.value["DIER"] = value
-        self._update_line()
+        lib.timer_update_line(self.shared)
 
     def read_sr(self) -> int:
         """Flags."""
-        self.count()
-        return self.value["SR"]
-
-    def write_sr(self, value: int) -> None:
-        """Flags are cleared by writing zeros."""
-        self.value["SR"] &= value
-        self._update_line()
+        return self.read(0x10, 4)
 
     def read_egr(self) -> int:
         """Write-only: reads as 0."""
@@ -281,7 +221,7 @@ class Timer(Peripheral):
         """UG: an update by software; the counter starts again from 0 (17.4.6)."""
         if value & 1:
             self.count()
-            self._update(flag=not self.value["CR1"] & URS)
+            lib.timer_update(self.shared, not self.value["CR1"] & URS)
             self._restart(0)
 
     def _write_channels(self, register: str, offset: int, value: int) -> None:
@@ -290,7 +230,9 @@ class Timer(Peripheral):
             if half and half & 3 not in (1, 3):
                 raise self.unmodelled("write", register, offset, value)
         self.value[register] = value
-        self._trc_channels = [channel for channel in CHANNELS if self._capture_selection(channel) == 3]
+        self.shared.trc_channels = sum(
+            1 << channel for channel in CHANNELS if self._capture_selection(channel) == 3
+        )
 
     def write_ccmr1(self, value: int) -> None:
         """Modes of channels 1 and 2."""
@@ -304,10 +246,6 @@ class Timer(Peripheral):
         """Capture enables and edges; both edges at once (CCxNP with CCxP) has no model."""
         self.value["CCER"] = value
 
-    def read_cnt(self) -> int:
-        """The counter."""
-        return self.count()
-
     def write_cnt(self, value: int) -> None:
         """Sets the counter."""
         self.count()
@@ -318,29 +256,14 @@ class Timer(Peripheral):
         now = self.count()
         self.value["ARR"] = value & self._top
         if not self.value["CR1"] & ARPE:
-            self._arr = self.value["ARR"]
+            self.shared.arr = self.value["ARR"]
             if self._free_running:
                 self._restart(now)
 
-    def _read_capture(self, channel: int) -> int:
-        """Reading CCRx clears CCxIF (17.4.5)."""
-        self.value["SR"] &= ~(1 << channel)
-        if self.value["DIER"] >> channel & 1:
-            self._update_line()
-        return self.value[f"CCR{channel}"]
-
     def read_ccr1(self) -> int:
-        """Capture of channel 1."""
-        return self._read_capture(1)
-
-    def read_ccr2(self) -> int:
-        """Capture of channel 2."""
-        return self._read_capture(2)
+        """Capture of channel 1; reading clears CC1IF (17.4.5)."""
+        return int(lib.timer_read_capture(self.shared, 1))
 
     def read_ccr3(self) -> int:
-        """Capture of channel 3."""
-        return self._read_capture(3)
-
-    def read_ccr4(self) -> int:
-        """Capture of channel 4."""
-        return self._read_capture(4)
+        """Capture of channel 3; reading clears CC3IF (17.4.5)."""
+        return int(lib.timer_read_capture(self.shared, 3))

@@ -1,28 +1,25 @@
 """Universal synchronous asynchronous receiver transmitter (RM0390 chapter 25): 8 data bits, 1 stop bit.
 
 The line is two streams of bytes with the instants at which their last bits pass. A byte takes ten bit times
-(start, eight, stop); a bit takes BRR cycles of the bus clock with 16 times oversampling (25.4.4).
+(start, eight, stop); a bit takes BRR cycles of the bus clock with 16 times oversampling (25.4.4). The bytes
+are usart.c's, what is configured is here.
 """
 
-from collections import deque
 from typing import TYPE_CHECKING, ClassVar
 
+from hil_sim.board.elf.chip import CData, ffi, lib
 from hil_sim.board.elf.registers import ALL, Peripheral, Register
-from hil_sim.board.elf.schedule import Event
 
 if TYPE_CHECKING:
     from hil_sim.board.elf.soc import Soc
 
-FE, NF, ORE, IDLE, RXNE, TC, TXE = 1 << 1, 1 << 2, 1 << 3, 1 << 4, 1 << 5, 1 << 6, 1 << 7
+RXNE, TC, TXE = 1 << 5, 1 << 6, 1 << 7
 RE, TE, IDLEIE, RXNEIE, TCIE, TXEIE, UE = 1 << 2, 1 << 3, 1 << 4, 1 << 5, 1 << 6, 1 << 7, 1 << 13
 EIE, DMAR, DMAT = 1 << 0, 1 << 6, 1 << 7
-FRAME_BITS = 10
-# The receiver samples the middle of the tenth bit: the other side may be this far off (25.4.5).
-TOLERANCE = 0.0375
 
 
 class Usart(Peripheral):
-    """An asynchronous port; `signal_*` say whether its pins are switched to it."""
+    """An asynchronous port."""
 
     REGISTERS: ClassVar[tuple[Register, ...]] = (
         Register("SR", 0x00, "25.6.1", reset=TXE | TC, modelled=ALL),
@@ -36,19 +33,30 @@ class Usart(Peripheral):
 
     def __init__(self, name: str, base: int, soc: "Soc", irq: int) -> None:
         super().__init__(name, base, soc)
-        self.irq = irq
-        self.sent = bytearray()
-        self._holding: int | None = None  # DR, waiting for the shift register
-        self._shifting = False
-        self._received = 0
-        self.damaged_bytes = 0  # so many of the next ones arrive with noise and a bad stop bit
-        self._status_read = False
-        self._incoming: deque[int] = deque()
-        self._line_rate = 0.0
-        self._idle: Event | None = None
-        self._arrival: Event | None = None
-        for source, resume in ((f"{name}_TX", self._feed), (f"{name}_RX", self._offer)):
-            soc.on_dma_start(source, resume)
+        shared = self.shared
+        shared.irq, shared.holding = irq, -1
+        shared.tx_signal, shared.rx_signal = soc.signal(f"{name}_TX"), soc.signal(f"{name}_RX")
+        self._sent = bytearray()
+        soc.on_dma_start(f"{name}_TX", lambda: lib.usart_feed(shared))
+        soc.on_dma_start(f"{name}_RX", lambda: lib.usart_offer(shared))
+
+    def _shared(self) -> CData:
+        port = ffi.gc(ffi.new("usart *"), lib.usart_free)
+        lib.usart_bind(port)
+        return port
+
+    @property
+    def sent(self) -> bytearray:
+        """What has left, to be cleared by whoever takes it."""
+        shared = self.shared
+        if shared.sent_count:
+            self._sent += ffi.buffer(shared.sent, shared.sent_count)
+            shared.sent_count = 0
+        return self._sent
+
+    @sent.setter
+    def sent(self, sent: bytearray) -> None:
+        self._sent = sent
 
     @property
     def bit_cycles(self) -> int:
@@ -62,110 +70,32 @@ class Usart(Peripheral):
         """Bits a second."""
         return self.soc.schedule.frequency / self.bit_cycles
 
-    def _on(self, direction: int) -> bool:
-        return self.value["CR1"] & (UE | direction) == UE | direction
+    @property
+    def damaged_bytes(self) -> int:
+        """So many of the next ones arrive with noise and a bad stop bit."""
+        return int(self.shared.damaged)
 
-    # --- transmitter (25.4.2) -----------------------------------------------------------------------
-
-    def _load(self) -> None:
-        """Moves DR into the shift register; TXE comes with it."""
-        byte, self._holding = self._holding, None
-        self.value["SR"] = self.value["SR"] & ~TC | TXE
-        if byte is None:
-            raise self.violation("nothing to shift", "25.4.2")
-        self._shifting = True
-        self.soc.schedule.after(FRAME_BITS * self.bit_cycles, lambda: self._shifted(byte))
-
-    def _shifted(self, byte: int) -> None:
-        self.sent.append(byte)
-        self._shifting = False
-        if self._holding is not None:
-            self._load()
-            self._feed()
-        else:
-            self.value["SR"] |= TC
-        self.update_line()
-
-    def _feed(self) -> None:
-        """TXE with DMAT requests the next byte; again after each until DR stays full."""
-        while self.value["CR3"] & DMAT and self.value["SR"] & TXE and self._on(TE):
-            if not self.soc.dma_request(f"{self.name}_TX"):
-                return
-
-    # --- receiver (25.4.3) --------------------------------------------------------------------------
+    @damaged_bytes.setter
+    def damaged_bytes(self, count: int) -> None:
+        self.shared.damaged = count
 
     def receive(self, data: bytes, baud: float) -> None:
         """The other side sends bytes back to back, from now or after what it sends already."""
-        self._incoming.extend(data)
-        self._line_rate = baud
-        if self._arrival is None and self._incoming:
-            self._arrival = self.soc.schedule.after_seconds(FRAME_BITS / baud, self._arrives)
-
-    def _arrives(self) -> None:
-        self._arrival = None
-        byte = self._incoming.popleft()
-        if self._incoming:
-            self._arrival = self.soc.schedule.after_seconds(FRAME_BITS / self._line_rate, self._arrives)
-        if not self._on(RE) or not self.soc.routed(f"{self.name}_RX"):
-            return
-        if abs(self.baud / self._line_rate - 1) > TOLERANCE:
-            raise self.violation(f"{self.baud:.0f} baud cannot receive {self._line_rate:.0f} baud", "25.4.5")
-        if self.damaged_bytes:
-            self.damaged_bytes -= 1
-            self.value["SR"] |= FE | NF
-            byte ^= 0x40
-        if self.value["SR"] & RXNE:
-            self.value["SR"] |= ORE  # the byte is lost, DR keeps the old one (25.4.3)
-        else:
-            self._received = byte
-            self.value["SR"] |= RXNE
-            self._offer()
-        if self._idle is not None:
-            self._idle.cancel()
-        self._idle = self.soc.schedule.after(FRAME_BITS * self.bit_cycles, self._idles)
-        self.update_line()
-
-    def _offer(self) -> None:
-        if self.value["CR3"] & DMAR and self.value["SR"] & RXNE:
-            self.soc.dma_request(f"{self.name}_RX")
-
-    def _idles(self) -> None:
-        """A frame of idle line after a reception (25.4.3)."""
-        self._idle = None
-        self.value["SR"] |= IDLE
-        self.update_line()
+        lib.usart_receive(self.shared, data, len(data), baud)
 
     # --- registers ----------------------------------------------------------------------------------
 
     def read_sr(self) -> int:
-        """First half of the sequence that clears IDLE and the errors."""
-        self._status_read = True
-        return self.value["SR"]
+        """First half of the sequences that clear IDLE, the errors and TC."""
+        return int(lib.usart_read_sr(self.shared))
+
+    def read_dr(self) -> int:
+        """Takes the received byte; after a read of SR also clears IDLE and the errors."""
+        return int(lib.usart_read_dr(self.shared))
 
     def write_sr(self, value: int) -> None:
         """TC and RXNE are cleared by writing zeros; the others do not care."""
         self.value["SR"] &= value | ~(TC | RXNE)
-        self.update_line()
-
-    def read_dr(self) -> int:
-        """Takes the received byte; after a read of SR also clears IDLE and the errors."""
-        self.value["SR"] &= ~RXNE & ~((IDLE | ORE | NF | FE) if self._status_read else 0)
-        self._status_read = False
-        self.update_line()
-        return self._received
-
-    def write_dr(self, value: int) -> None:
-        """Gives the next byte to send."""
-        if not self._on(TE):
-            raise self.violation("DR written while the transmitter is off", "25.4.2")
-        if not self.soc.routed(f"{self.name}_TX"):
-            raise self.violation("DR written while no pin is switched to TX", "7.3.2")
-        if self._holding is not None:
-            raise self.violation("DR overwritten before it was sent", "25.4.2")
-        self._holding = value & 0xFF
-        self.value["SR"] &= ~(TXE | TC)
-        if not self._shifting:
-            self._load()
         self.update_line()
 
     def write_cr1(self, value: int) -> None:
@@ -179,17 +109,10 @@ class Usart(Peripheral):
         self._feed_later()
 
     def _feed_later(self) -> None:
-        self.soc.schedule.after(1, self._feed)
+        shared = self.shared
+        self.soc.schedule.after(1, lambda: lib.usart_feed(shared))
         self.update_line()
 
     def update_line(self) -> None:
-        """Each flag with its enable; ORE comes with RXNEIE, or with EIE under DMA (25.5)."""
-        sr, cr1 = self.value["SR"], self.value["CR1"]
-        high = (
-            (sr & IDLE and cr1 & IDLEIE)
-            or (sr & (RXNE | ORE) and cr1 & RXNEIE)
-            or (sr & TC and cr1 & TCIE)
-            or (sr & TXE and cr1 & TXEIE)
-            or (sr & ORE and self.value["CR3"] & EIE and self.value["CR3"] & DMAR)
-        )
-        self.soc.nvic.set_line(self.irq, bool(high))
+        """The interrupt, after a change of its enables."""
+        lib.usart_update_line(self.shared)

@@ -1,0 +1,42 @@
+"""A sample of bench/firmware_mutants.py: the checks pass on what ships, and mistakes of each kind fail them."""
+
+import sys
+from pathlib import Path
+
+import pytest
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "bench"))
+
+from firmware_mutation.checks import first_failure
+from firmware_mutation.mutants import Workshop, mutants
+
+from hil_sim.board.elf.wiring import CUSTOM, NUCLEO
+
+# A register, an order of writes, a priority, a board header.
+SAMPLE = {
+    "DDS missing": "no STATUS",
+    "data cache not flushed after an erase": "without a flush of the data cache",
+    "stamps below the tick": "stamped",
+    "sync on another pin": "flags differs",
+}
+
+
+@pytest.mark.parametrize(("name", "wiring"), [("firmware", NUCLEO), ("custom_firmware", CUSTOM)])
+def test_what_ships_passes_every_check(name: str, wiring: object, request: pytest.FixtureRequest) -> None:
+    assert first_failure(request.getfixturevalue(name), wiring) is None
+
+
+def test_every_mistake_applies_to_the_firmware_as_it_is() -> None:
+    boards = Path(__file__).resolve().parents[2] / "firmware" / "boards"
+    stale = [m.what for m in mutants() if (boards / m.file).read_text(encoding="utf-8").count(m.old) != 1]
+    assert stale == []
+
+
+def test_mistakes_are_noticed(firmware: Path, tmp_path: Path) -> None:
+    workshop = Workshop(tmp_path)
+    chosen = {mutant.what: mutant for mutant in mutants() if mutant.what in SAMPLE}
+    assert chosen.keys() == SAMPLE.keys()
+    for what, symptom in SAMPLE.items():
+        failure = first_failure(workshop.build(chosen[what]), NUCLEO)
+        assert failure is not None, what
+        assert symptom in failure
