@@ -53,7 +53,8 @@ double impid_effects_arriving(const impid_effects *e, const impid_effects_stage 
     }
     double gain = e->gain[j];
     if (e->fade[j] != 0.0) {
-        gain *= 1.0 + e->fade[j] * expm1(-(e->time_s + s->since + e->fade_from) / e->fade_s);
+        const double warm_s = fmax(0.0, e->time_s + s->since + e->fade_from);
+        gain *= 1.0 + e->fade[j] * expm1(-warm_s / e->fade_s);
     }
     return gain * torque - e->offset[j] + s->input[j];
 }
