@@ -217,7 +217,7 @@ def swept(G: Floats, columns: Index) -> Swept:
 
 
 def _sizes(A: Floats) -> Floats:
-    """Norms of the columns; bounded from below, so that one of which only rounding is left overflows nothing."""
+    """Norms of the columns, bounded from below: one of which only rounding is left overflows nothing."""
     return np.asarray(np.sqrt(np.maximum(np.diag(A), 1e-200)))
 
 
