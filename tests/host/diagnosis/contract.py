@@ -140,6 +140,8 @@ class Stage(Strict):
     validation_rms: dict[Channel, Annotated[FiniteFloat, Field(ge=0)]]
     vaf: dict[Channel, Annotated[FiniteFloat, Field(le=100)]]
     parameters: Parameters
+    # Half widths by load, quantity and cause: what of an interval is due to noise, lengths, gains.
+    ci95_half_parts: dict[str, dict[str, dict[str, Nested]]] = {}
 
 
 class Shape(Strict):

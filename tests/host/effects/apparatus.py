@@ -59,9 +59,8 @@ class Kind:
 
 KINDS = {
     "all instruments": Kind(),
-    "no accelerometer": Kind(accelerometer=False),
+    "no accelerometer, one clock": Kind(accelerometer=False, second_clock=False),
     "no force sensor, nothing known": Kind(force_sensor=False, referenced=False),
-    "one clock": Kind(second_clock=False),
     "free trials alone": Kind(trials=(("free_01", "free"), ("free_02", "free"))),
     "loads alone": Kind(trials=(("spring_A_01", "mass-spring"), ("spring_A_02", "mass-spring"))),
     "relative angles under gravity": Kind("planar-2r-relative", (0.0, -9.81)),

@@ -186,7 +186,7 @@ def test_what_was_added_is_taken_out_again(kind: str, effect: str) -> None:
         chosen = Chosen(term, shape, beta, np.eye(term.size))
         whole = corrected(added(view, columns_in(term, view, shape), beta), [chosen])
         for family, truth in targets(view).items():
-            assert targets(whole)[family] == pytest.approx(truth, abs=1e-9), (term.variant, family)
+            assert np.abs(targets(whole)[family] - truth).max() < 1e-9, (term.variant, family)
 
 
 def left(view: View) -> dict[str, np.ndarray]:
@@ -237,7 +237,7 @@ def test_undoing_nothing_changes_nothing(kind: str, effect: str) -> None:
             continue
         same = term.undo(view, np.zeros(term.size), term.shapes[0])
         for family, truth in targets(view).items():
-            assert targets(same)[family][INSIDE] == pytest.approx(truth[INSIDE], abs=1e-9)
+            assert np.abs(targets(same)[family] - truth)[INSIDE].max() < 1e-9, (term.variant, family)
 
 
 @pytest.mark.parametrize("kind", KINDS)
