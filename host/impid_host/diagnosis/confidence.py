@@ -5,12 +5,14 @@ Analysis 13, 2018), flattened. The flattening was set by hand on a few simulated
 has calibrated it: 0.9 does not mean yet that nine of ten such names are right.
 """
 
-from collections.abc import Sequence
+from collections.abc import Sequence, Set
 
 import numpy as np
 
 from impid_host.diagnosis.score import Explanation
 from impid_host.diagnosis.table import Table
+
+Place = tuple[str, tuple[str, ...]]
 
 _DRAWS = 200
 # A logistic map of the weights' log-odds; not calibrated yet (docs/diagnosis.md).
@@ -30,23 +32,19 @@ def weights(explanations: Sequence[Explanation]) -> np.ndarray:
     return np.asarray((each / each.sum(axis=1, keepdims=True)).mean(axis=0))
 
 
-def confidence_of(table: Table, slot: int, visited: Sequence[Explanation]) -> float:
-    """Of the slot's effect at its place, 0..1.
+def confidence_of(table: Table, any_of: Set[Place], visited: Sequence[Explanation]) -> float:
+    """That one of these effects at its place is right, 0..1.
 
     Args:
         visited: everything that was scored; of sets that differ in finer shapes alone the best counts.
     """
-    best: dict[frozenset[tuple[str, ...]], Explanation] = {}
+    best: dict[frozenset[Place], Explanation] = {}
     for own in visited:
-        name = frozenset((table.term(s).effect, *table.term(s).where) for s in own.slots)
+        name = frozenset(table.term(s).kind[:2] for s in own.slots)
         if name not in best or own.total > best[name].total:
             best[name] = own
-    sets = list(best)
-    term = table.term(slot)
-    mine = (term.effect, *term.where)
-    share = float(
-        sum(w for w, name in zip(weights([best[n] for n in sets]), sets, strict=True) if mine in name)
-    )
+    weight = weights(list(best.values()))
+    share = float(sum(w for w, name in zip(weight, best, strict=True) if any_of & name))
     share = float(np.clip(share, 1e-6, 1 - 1e-6))
     odds = _LEVEL + _SLOPE * np.log(share / (1 - share))
     return float(min(1 / (1 + np.exp(-odds)), _SUREST))

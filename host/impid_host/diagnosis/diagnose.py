@@ -45,7 +45,7 @@ def diagnose(study: Study, progress: Progress = silent) -> Diagnosis:
     verdict = arbitrated(choice, bench, dict(zip(named, fit.chosen, strict=True)), fit)
     certain = [s for s in named if s not in verdict.open_slots]
     stages, last = named_stages(bench, [named[s] for s in certain], _evidence(choice, certain))
-    left = [*choice.left.structures]
+    left = [*choice.left]
     if len(stages) > 1 and worse(stages[-1].rms, stages[0].rms, stretch_of(last.chosen)):
         left += [_not_upheld(stage) for stage in stages[1:]]
         stages, last = stages[:1], bench.fit([])

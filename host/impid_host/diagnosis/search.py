@@ -31,7 +31,6 @@ class Rules:
         relative, relative_unnamed: and over what the other terms change there: the imperfect shape of a large
             term leaves so much.
         beam: sets carried along; contenders: terms tried on each; most: terms in a set.
-        keeps: part of its gain that a name must keep where the structures that imitate it are in the model.
     """
 
     sigmas: float = 3.0
@@ -45,7 +44,6 @@ class Rules:
     beam: int = 3
     contenders: int = 8
     most: int = 7
-    keeps: float = 0.5
 
 
 RULES = Rules()

@@ -65,6 +65,7 @@ class Setting:
         accelerometer, second_clock, force_sensor: what there is.
         referenced: a weighed payload or an earlier robot is known, so that common factors show.
         duration_s: of the longest trial.
+        held: effects that the robot's model has already, on every joint.
     """
 
     joints: int
@@ -87,6 +88,7 @@ class Setting:
     force_sensor: bool
     referenced: bool
     duration_s: float
+    held: tuple[str, ...] = ()
 
     def at_ranges(self, other: "Ranges") -> "Setting":
         """The same apparatus, moved as in another record: terms that follow the motion are that record's."""
