@@ -46,8 +46,8 @@ def test_a_name_stands_above_what_is_left() -> None:
 
 
 def test_it_is_the_reported_band_that_counts() -> None:
-    """The name is white up to 10 Hz, so a fifth of its power is below 2 Hz; a slow remainder of almost its rms
-    is smaller than all of it, and larger than that fifth."""
+    """The name is white up to 10 Hz, so a fifth of its power is below 2 Hz; a slow remainder of almost
+    its rms is smaller than all of it, and larger than that fifth."""
     rows, target = laboratory(1.9)
     table = rows.table(target)
     assert believable(table, [0], [], WIDE_HZ) == [0]
