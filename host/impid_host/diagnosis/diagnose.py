@@ -48,7 +48,7 @@ def diagnose(study: Study, progress: Progress = silent) -> Diagnosis:
     left = [*choice.left]
     if len(stages) > 1 and worse(stages[-1].rms, stages[0].rms, stretch_of(last.chosen)):
         left += [_not_upheld(stage) for stage in stages[1:]]
-        stages, last = stages[:1], bench.fit([])
+        stages, last = stages[:1], bench.plain
         verdict = replace(verdict, open_slots=(), covering=None, ties=())
     stages, last = with_last_stage(choice, bench, named, stages, last, left, verdict.open_slots)
     widest = with_tolerance(
@@ -72,7 +72,7 @@ def diagnose(study: Study, progress: Progress = silent) -> Diagnosis:
         stages=stages,
         floor=floor,
         told=told,
-        traces=traces(bench, bench.fit([]), last),
+        traces=traces(bench, bench.plain, last),
         prismatic=all(case.base.model.prismatic),
         textbook=bench.textbook(stages[0]),
         ranges=case.setting.ranges,

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from impid_host.diagnosis.base import Base, base_of
-from impid_host.diagnosis.correct import corrected
+from impid_host.diagnosis.correct import corrected, with_true_model
 from impid_host.diagnosis.own_record import own_of_record, refitted
 from impid_host.diagnosis.prepare import HIGHEST_OF_RATE, views
 from impid_host.diagnosis.proof import aligned, chain_of, channel
@@ -244,11 +244,7 @@ def without(parts: Sequence[View], base: Base, value: Floats, chosen: Sequence[C
     """The views with the model at `value` in them and the effects taken out of what was measured."""
     current = [base.informed(view, value) for view in parts]
     for _ in range(_ROUNDS if any(part.term.by_model for part in chosen) else 1):
-        true = [base.informed(corrected(view, chosen), value) for view in current]
-        current = [
-            replace(view, torque_model=t.torque_model, x0=t.x0, K=t.K)
-            for view, t in zip(current, true, strict=True)
-        ]
+        current = [with_true_model(view, chosen, base, value) for view in current]
     return [corrected(view, chosen) for view in current]
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from scipy import stats
 
 from impid_host.diagnosis.case import Case
-from impid_host.diagnosis.correct import corrected
+from impid_host.diagnosis.correct import corrected, with_true_model
 from impid_host.diagnosis.noise import BLOCK_S, Taps, whitened
 from impid_host.diagnosis.parameters import at, count_of, fits_shape, parted, vector_of
 from impid_host.diagnosis.result import Chosen
@@ -145,15 +145,7 @@ def _left_as_measured(case: Case, view: View, chosen: Sequence[Chosen], value: F
 
 
 def _informed(case: Case, views: Sequence[View], chosen: Sequence[Chosen], value: Floats) -> tuple[View, ...]:
-    """The views with the model at `value`: of the motion as it truly was, the effects taken out of it."""
-    result = []
-    for view in views:
-        true = case.base.informed(corrected(view, chosen), value)
-        own = case.base.informed(view, value)
-        # Torque and response are those of the true motion; what the log holds of the effects is not the
-        # model's.
-        result.append(replace(own, torque_model=true.torque_model, x0=true.x0, K=true.K))
-    return tuple(result)
+    return tuple(with_true_model(view, chosen, case.base, value) for view in views)
 
 
 def _possible(chosen: Sequence[Chosen]) -> bool:
