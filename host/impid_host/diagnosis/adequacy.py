@@ -1,4 +1,4 @@
-"""Adequacy before belief: a name stands where what it took away is more than all that is left beside it.
+"""Adequacy before belief: a name stands where it took away several times all that is left beside it.
 
 Measured in the band that is reported, in units of the noise: a name that lives on a few fast instants leaves
 what a reader looks at as it was. What unnamed structures take up is left too: it has no cause.
@@ -10,6 +10,7 @@ import numpy as np
 from scipy import signal
 
 from impid_host.diagnosis.rows import Key, Run
+from impid_host.diagnosis.search import RULES
 from impid_host.diagnosis.table import Table, residuals
 from impid_host.effects.view import ANGLE
 from impid_host.signals.arrays import Floats
@@ -21,9 +22,9 @@ _FREQUENCIES = 2048
 
 
 def believable(table: Table, named: Sequence[int], unnamed: Sequence[int], report_hz: float) -> list[int]:
-    """The named slots that took away at least what is left, in the channel in which they show.
+    """The named slots that took away `RULES.takes` times what is left, in the channel in which they show.
 
-    Where as much is left there as the name took away, the name is only what the structure resembles.
+    Where more is left there, the name is only what the structure resembles.
 
     Args:
         report_hz: the highest frequency that is reported.
@@ -36,7 +37,7 @@ def believable(table: Table, named: Sequence[int], unnamed: Sequence[int], repor
     kept = []
     for s in named:
         shown = max(taken[s], key=lambda key: taken[s][key]) if best else None
-        if shown is None or _in_angles(table, s) or taken[s][shown] >= left[shown]:
+        if shown is None or _in_angles(table, s) or taken[s][shown] >= RULES.takes * left[shown]:
             kept.append(s)
     return kept
 

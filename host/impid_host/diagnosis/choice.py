@@ -140,7 +140,7 @@ def _adequate(case: Case, found: Found, pushed: tuple[Event, ...]) -> Choice:
     kept = believable(table, named, unnamed, case.views[0].report_hz)
     # Of what these data cannot tell apart one may be right although none is likely by itself.
     groups = {own.slot: (own.slot, *own.others) for own in rivals(walk, best)}
-    kept = [s for s in kept if more_likely_than_not(walk, groups[s])]
+    kept = [s for s in kept if probability(walk, groups[s]) > walk.rules.probable]
     rejected = tuple(table.term(s).label for s in named if s not in kept)
     if rejected:
         best = walk.score(tuple(s for s in best.slots if s in kept or s in unnamed))
@@ -149,10 +149,10 @@ def _adequate(case: Case, found: Found, pushed: tuple[Event, ...]) -> Choice:
     return Choice(case, walk, best, tuple(kept), tuple(unnamed), left, pushed, rejected)
 
 
-def more_likely_than_not(walk: Walk, slots: Sequence[int]) -> bool:
-    """Whether one of these names is more probable than none of them."""
+def probability(walk: Walk, slots: Sequence[int]) -> float:
+    """That one of these names is right."""
     places = {walk.table.term(s).kind[:2] for s in slots}
-    return confidence_of(walk.table, places, list(walk.visited.values())) > 0.5
+    return confidence_of(walk.table, places, list(walk.visited.values()))
 
 
 def ordered(choice: Choice) -> list[int]:
@@ -179,7 +179,7 @@ def evidence_of(choice: Choice, before: Sequence[int], s: int) -> Evidence:
         share_of_residual=float(min(1.0, less / max(excess, less, 1e-300))),
         gain=by.gain,
         gain_se=by.se,
-        confidence=confidence_of(table, {table.term(s).kind[:2]}, list(walk.visited.values())),
+        confidence=probability(walk, [s]),
         runner_up=_runner_up(choice, s),
     )
 

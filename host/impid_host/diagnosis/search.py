@@ -31,6 +31,9 @@ class Rules:
         relative, relative_unnamed: and over what the other terms change there: the imperfect shape of a large
             term leaves so much.
         beam: sets carried along; contenders: terms tried on each; most: terms in a set.
+        takes: a name must take away so many times what is left above the noise: it halves the rms.
+        probable: a name, with all that these data cannot tell from it, must be at least so probable.
+        likely: a name that others could replace must be so probable by itself, or the tie stays open.
     """
 
     sigmas: float = 3.0
@@ -44,6 +47,9 @@ class Rules:
     beam: int = 3
     contenders: int = 8
     most: int = 7
+    takes: float = 3.0
+    probable: float = 0.5
+    likely: float = 0.7
 
 
 RULES = Rules()
