@@ -39,8 +39,7 @@ class Refit:
         covariance: (k, k) of all effects' parameters in order, see parameters.vector_of.
         base: value of the robot's and the loads' parameters, (b,).
         deviance: -2 log likelihood with each channel's noise level its own, in the units of the logs as
-        they were
-            measured, up to a constant.
+            they were measured, up to a constant.
     """
 
     views: tuple[View, ...]
@@ -106,8 +105,7 @@ def _deviance(
     """-2 log likelihood of what was measured, each channel's noise level its own, up to a constant.
 
     Effects are put into the prediction here, not taken out of the signals: undoing a lag or a gain would
-    change the
-    noise with the signal.
+    change the noise with the signal.
     """
     squares: dict[Key, list[Floats]] = {}
     for view in views:

@@ -39,8 +39,7 @@ class Run:
         begin_s: time of the first row; step_s: between rows.
         target: (N,); base: columns of the base model, (N, p).
         used: which columns of the terms are not zero here, (k,), rising; design: those, (N, k), in single
-        precision:
-            a column is never told from another by its seventh digit.
+            precision: a column is never told from another by its seventh digit.
     """
 
     trial: str

@@ -12,6 +12,7 @@ from pydantic import Field
 
 from impid_host import __version__
 from impid_host.diagnosis.base import structure_of, textbook_structure
+from impid_host.diagnosis.parameters import NORMAL
 from impid_host.diagnosis.result import Diagnosis, Number
 from impid_host.diagnosis.saved_parts import (
     EffectTable,
@@ -119,7 +120,7 @@ def fit_json(fit: StudyFit, study: Study, textbook: StudyFit | None) -> Json:
         **_head(study, [trial.name for trial in fit.trials]),
         "robot": {
             **_robot(study, structure, structure.parameter_names, robot.value),
-            "ci95": np.stack([robot.value - _NORMAL * sd, robot.value + _NORMAL * sd], axis=1).tolist(),
+            "ci95": np.stack([robot.value - NORMAL * sd, robot.value + NORMAL * sd], axis=1).tolist(),
             "covariance": robot.covariance.tolist(),
         },
         "loads": numbers,
@@ -128,9 +129,6 @@ def fit_json(fit: StudyFit, study: Study, textbook: StudyFit | None) -> Json:
         "textbook": plain,
         "ranges": None,
     }
-
-
-_NORMAL = 1.959964
 
 
 def _values(fit: StudyFit) -> Json:

@@ -51,11 +51,11 @@ class Table:
     """Whitened rows of the fit part.
 
     Attributes:
-        runs: target without the base model's part; base: orthonormal directions over all rows.
+        runs: target without the base model's part; base: orthonormal directions over all rows. References
+            (weighed payloads, an earlier robot) come last.
         G: Gram matrix of [target | columns of the slots] with the base model regressed out, (1 + K, 1 + K).
         slots: terms at their shapes.
         make: whitened runs of further slots on the same rows.
-        extra: rows of references (weighed payloads, an earlier robot) come last among the runs.
     """
 
     runs: tuple[Run, ...]
