@@ -9,12 +9,11 @@ from collections.abc import Sequence, Set
 
 import numpy as np
 
-from impid_host.diagnosis.score import Explanation
+from impid_host.diagnosis.score import Explanation, shares
 from impid_host.diagnosis.table import Table
 
 Place = tuple[str, tuple[str, ...]]
 
-_DRAWS = 200
 # A logistic map of the weights' log-odds; not calibrated yet (docs/diagnosis.md).
 _LEVEL, _SLOPE = 1.6, 0.6
 _SUREST = 0.995
@@ -24,9 +23,7 @@ def weights(explanations: Sequence[Explanation]) -> np.ndarray:
     """Weight of each explanation, (E,), summing to 1."""
     density = np.stack([own.density for own in explanations])
     fixed = np.array([own.reference for own in explanations])
-    blocks = density.shape[1]
-    shares = np.random.default_rng(0).dirichlet(np.ones(blocks), _DRAWS) * blocks
-    totals = shares @ density.T + fixed
+    totals = shares(density.shape[1]) @ density.T + fixed
     totals -= totals.max(axis=1, keepdims=True)
     each = np.exp(totals)
     return np.asarray((each / each.sum(axis=1, keepdims=True)).mean(axis=0))

@@ -8,8 +8,10 @@ Statistics and Computing 27, 2017).
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
+from scipy import special
 
 from impid_host.diagnosis.noise import log_density
 from impid_host.diagnosis.rows import REFERENCE, Run
@@ -17,6 +19,7 @@ from impid_host.diagnosis.table import Table
 from impid_host.signals.arrays import Floats
 
 _RIDGE = 1e-9
+_DRAWS = 4000
 _KEPT_BYTES = 100_000_000  # of sums; beyond, they are formed anew
 
 
@@ -44,22 +47,39 @@ class Explanation:
 
 @dataclass(frozen=True, slots=True)
 class Difference:
-    """By how much one explanation predicts better than another, nats, and its standard error."""
+    """By how much one explanation predicts better than another, nats, and its standard error.
+
+    Attributes:
+        blocks: of each block of time, (B,).
+    """
 
     gain: float
     se: float
+    blocks: Floats
 
-    @property
-    def sigmas(self) -> float:
-        """Gain in standard errors."""
-        return self.gain / max(self.se, 1e-9)
+    def surely(self, sigmas: float) -> bool:
+        """Whether it is above zero by more than chance, as surely as so many standard errors of a Gaussian.
+
+        By the Bayesian bootstrap (Rubin, Annals of Statistics 9, 1981): where a few blocks tell most and none
+        tells otherwise, the standard error is large and there is no doubt.
+        """
+        fixed = self.gain - float(self.blocks.sum())
+        totals = shares(len(self.blocks)) @ self.blocks + fixed
+        return bool(np.quantile(totals, special.ndtr(-sigmas)) > 0.0)
+
+
+@cache
+def shares(blocks: int) -> Floats:
+    """Weights of the blocks in each draw of the Bayesian bootstrap, (draws, B), each row summing to B."""
+    result: Floats = np.random.default_rng(0).dirichlet(np.ones(blocks), _DRAWS) * blocks
+    return result
 
 
 def difference(one: Explanation, other: Explanation) -> Difference:
     """Positive where `one` predicts better. What the references say has no error of counting."""
     blocks = one.density - other.density
     se = float(np.sqrt(len(blocks)) * np.std(blocks, ddof=1)) if len(blocks) > 1 else 0.0
-    return Difference(one.total - other.total, se)
+    return Difference(one.total - other.total, se, blocks)
 
 
 class Scorer:

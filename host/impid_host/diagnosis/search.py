@@ -103,13 +103,13 @@ def search(
 def clearly_better(one: Explanation, other: Explanation, rules: Rules = RULES) -> bool:
     """By more than chance, and by more than nothing."""
     by = difference(one, other)
-    return by.gain > max(rules.sigmas * by.se, rules.nats)
+    return by.gain > rules.nats and by.surely(rules.sigmas)
 
 
 def not_clearly_worse(one: Explanation, best: Explanation, rules: Rules = RULES) -> bool:
     """Within chance of the best, or behind it by next to nothing."""
     by = difference(best, one)
-    return by.gain < max(rules.close_sigmas * by.se, rules.close_nats)
+    return by.gain < rules.close_nats or not by.surely(rules.close_sigmas)
 
 
 @dataclass
