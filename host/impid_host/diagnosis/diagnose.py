@@ -23,20 +23,22 @@ from impid_host.diagnosis.traces import traces
 from impid_host.diagnosis.verdict import sentence
 from impid_host.effects.bounds import negligible, possible
 from impid_host.robot.model import RobotModel
-from impid_host.signals.chain import PUBLISHED_CUTOFF_HZ
 from impid_host.study.model import Study
 
 _ABOVE = 1.5  # of the noise floor: what is left is more than chance and an inexact model leave
 _NO_NAME = Evidence(0.0, 0.0, 0.0, 0.0)
 
 
-def diagnose(study: Study, progress: Progress = silent) -> Diagnosis:
+def diagnose(study: Study, progress: Progress = silent, *, cutoff_hz: float | None = None) -> Diagnosis:
     """Find what the first model lacks, add it, and judge it on data that took no part.
+
+    Args:
+        cutoff_hz: of the band in which errors are told; None: the one that `fit` takes, by the motion.
 
     Raises:
         UndeterminedError: the data do not determine the robot or a load, or there is nothing to diagnose.
     """
-    choice = chosen(prepare(study, progress), progress)
+    choice = chosen(prepare(study, progress, cutoff_hz), progress)
     case = choice.case
     progress("judging on data that took no part", 0.85)
     bench = Bench(case, choice.table.noise.taps, study.setup.handle_mass_kg, study.setup.prior_alpha)
@@ -76,6 +78,7 @@ def diagnose(study: Study, progress: Progress = silent) -> Diagnosis:
         prismatic=all(case.base.model.prismatic),
         textbook=bench.textbook(stages[0]),
         ranges=case.setting.ranges,
+        cutoff_hz=case.views[0].report_hz,
         share_unexplained=share_unexplained(stages[0].rms, stages[-1].rms, floor),
         above_noise_floor=above,
         structure=(*left, *odd_structures(case.oddities)),
@@ -177,7 +180,8 @@ def floor_of(choice: Choice, fit: Refit, left: Sequence[Structure], study: Study
     case = choice.case
     lines_Hz = [row.peak for row in left if row.variable == "frequency" and len(row.curve)]
     seconds = sum(float(view.valid.sum()) * view.dt for view in case.views)
-    rich = saturated(case.base, choice.table.slots, round(5 * 2 * PUBLISHED_CUTOFF_HZ * seconds / PER_COLUMN))
+    independent = 2 * case.views[0].report_hz * seconds
+    rich = saturated(case.base, choice.table.slots, round(5 * independent / PER_COLUMN))
     used = {view.name for view in case.views}
     logs = [(trial.robot.tau, trial.robot.force) for trial in study.trials if trial.name in used]
     return noise_floor(case, fit, rich, lines_Hz, resolution_of(logs))

@@ -5,17 +5,17 @@ from dataclasses import replace
 
 import numpy as np
 
-from impid_host.diagnosis.band import WIDEST_HZ, band_hz, quick_band_hz
+from impid_host.diagnosis.band import band_hz, quick_band_hz
 from impid_host.diagnosis.base import Base
 from impid_host.diagnosis.holdout import hold_out
 from impid_host.diagnosis.oddities import Oddity, odd_rows
 from impid_host.effects.effect import Setting
 from impid_host.effects.view import View, rate_of, rotated
 from impid_host.errors import UndeterminedError
+from impid_host.impedance.campaign import default_chain
 from impid_host.robot.model import RobotModel
 from impid_host.signals.align import base_frame_force, raw_signals, robot_rows, sensor_angle
 from impid_host.signals.arrays import Floats, Mask
-from impid_host.signals.chain import PUBLISHED_CUTOFF_HZ
 from impid_host.signals.filters import ZeroPhaseLowPass
 from impid_host.study.model import Setup, Study, Trial
 
@@ -25,8 +25,11 @@ HIGHEST_OF_RATE = 0.4  # of the slower log: above, it says nothing
 _WIDE = ZeroPhaseLowPass(order=4, cutoff_hz=60.0)
 
 
-def views(study: Study, model: RobotModel) -> tuple[list[View], list[Oddity]]:
+def views(study: Study, model: RobotModel, cutoff_hz: float | None = None) -> tuple[list[View], list[Oddity]]:
     """The study's free and loaded trials as views, the present model not yet in them; and what was left out.
+
+    Args:
+        cutoff_hz: of the band that is reported; None: as `fit` has it by default, by the motion.
 
     Raises:
         UndeterminedError: no such trial, or clocks that cannot be matched.
@@ -36,18 +39,19 @@ def views(study: Study, model: RobotModel) -> tuple[list[View], list[Oddity]]:
         raise UndeterminedError(
             f"study {study.name}: no free, mass-spring or arm trial, so there is nothing to diagnose"
         )
+    report = default_chain(study).cutoff_hz if cutoff_hz is None else cutoff_hz
     result, oddities = [], []
     for trial in trials:
         bad, found = odd_rows(trial.name, robot_rows(trial.robot))
-        result.append(view_of(trial, study.setup, model, bad))
+        result.append(replace(view_of(trial, study.setup, model, bad), report_hz=report))
         oddities += found
     holdout = hold_out(result)
-    cutoff = min(band_hz(result, holdout), *(HIGHEST_OF_RATE * view.meeting_hz for view in result))
     if model.task_is_rotary:
         cutoff = quick_band_hz(result, holdout)
-        report = max(PUBLISHED_CUTOFF_HZ, cutoff if cutoff > WIDEST_HZ else 0.0)
-        return [replace(view, cutoff_hz=cutoff, report_hz=report) for view in result], oddities
-    return [replace(view, cutoff_hz=cutoff) for view in result], oddities
+    else:
+        cutoff = min(band_hz(result, holdout), *(HIGHEST_OF_RATE * view.meeting_hz for view in result))
+    # Names that are chosen in a narrower band than they are judged in would be judged on what they never saw.
+    return [replace(view, cutoff_hz=max(cutoff, report)) for view in result], oddities
 
 
 def view_of(trial: Trial, setup: Setup, model: RobotModel, bad: Mask) -> View:

@@ -27,7 +27,7 @@ from impid_host.impedance.matrices import load_matrices
 from impid_host.impedance.rows import SERIES_RATE_HZ, Equation, series, stretches
 from impid_host.signals.align import AlignedTrial, base_frame_acceleration, joint_acceleration
 from impid_host.signals.arrays import Floats
-from impid_host.signals.chain import DEFAULT, PUBLISHED_CUTOFF_HZ, Chain
+from impid_host.signals.chain import DEFAULT, Chain
 
 Numbers = tuple[
     Number,
@@ -50,7 +50,7 @@ def in_time(view: View, chosen: Sequence[Chosen]) -> View:
 
 def chain_of(view: View) -> Chain:
     """The chain of `fit`, in the band that this study is reported in."""
-    return DEFAULT if view.report_hz == PUBLISHED_CUTOFF_HZ else DEFAULT.with_cutoff(view.report_hz)
+    return DEFAULT.with_cutoff(view.report_hz)
 
 
 def aligned(view: View) -> AlignedTrial:

@@ -154,7 +154,7 @@ def fit_aligned(
         tuple(loads),
         tuple(spectral),
         study.setup.handle_mass_kg,
-        None if options.chain.finish is None else options.chain.finish.cutoff_hz,
+        None if options.chain.finish is None else options.chain.cutoff_hz,
         tuple(partial),
         tuple(forces),
         physical,
