@@ -228,11 +228,15 @@ def fitted(
     """
     chain = chain_of(views[0])
     chain = chain if ar_order is None else replace(chain, ar_order=ar_order)
-    pairs = [(view, aligned(in_time(corrected(view, chosen), chosen))) for view in views]
+    cleaned = [in_time(corrected(view, chosen), chosen) for view in views]
+    pairs = [(view, aligned(clean)) for view, clean in zip(views, cleaned, strict=True)]
     structure = base.structure
+    # Effects of the geometry change the robot itself: its regressor and its Jacobian, trial by trial.
+    robots = {clean.name: replace(structure, model=clean.model) for clean in cleaned}
     known = prior is not None and all(view.load is not None for view in views)
-    shown = [] if known else shows_robot(pairs)
-    own = [(view, robot_equation(trial, structure, chain)) for view, trial in shown]
+    shown = [] if known else shows_robot(list(zip(cleaned, (trial for _, trial in pairs), strict=True)))
+    logged = {view.name: view for view in views}
+    own = [(logged[clean.name], robot_equation(trial, robots[clean.name], chain)) for clean, trial in shown]
     alpha = None
     if own:
         alpha = estimate_robot(_rows(own, holdout, chain), structure, chain)
@@ -248,7 +252,10 @@ def fitted(
     physical: dict[str, list[tuple[View, Equation]]] = {}
     for name, load in base.loads:
         members = [(view, trial) for view, trial in pairs if view.load == name]
-        virtual[name] = [(view, virtual_equation(trial, robot, load, chain)) for view, trial in members]
+        virtual[name] = [
+            (view, virtual_equation(trial, replace(robot, structure=robots[view.name]), load, chain))
+            for view, trial in members
+        ]
         loads[name] = _estimate(
             virtual[name], holdout, load.parameter_names, load.parameter_units, chain, robot.covariance
         )
