@@ -166,6 +166,7 @@ def _quadratic(setting: Setting) -> Iterator[Term]:
 
 
 def _position(setting: Setting) -> Iterator[Term]:
+    """A ripple over the angle: what was not visited once around is a slope, and says nothing of a period."""
     for joint in range(setting.joints):
         bend = float(_BEND * setting.span[joint])
         for variant in ("dry", "viscous"):
@@ -188,7 +189,8 @@ def _position(setting: Setting) -> Iterator[Term]:
                 columns,
                 _read_position,
                 size=2,
-                shapes=tuple(float(setting.span[joint] * part) for part in np.geomspace(0.12, 4.0, 18)),
+                shapes=tuple(float(setting.span[joint] * part) for part in np.geomspace(0.12, 1.0, 12)),
+                gate=lambda _beta, period, joint=joint: bool(period <= setting.span[joint]),  # type: ignore[misc]
                 variant=variant,
             )
 
