@@ -64,7 +64,9 @@ def prepare(study: Study, progress: Progress = silent, cutoff_hz: float | None =
     model = robot_model(study.setup.robot)
     progress("aligning", 0.0)
     parts, oddities = views(study, model, cutoff_hz)
-    base = base_of(parts, structure_of(study.setup, model), prior=study.setup.prior_alpha is not None)
+    given = all(view.load is not None for view in parts)
+    structure = structure_of(study.setup, model, given=given)
+    base = base_of(parts, structure, prior=study.setup.prior_alpha is not None)
     holdout = hold_out(parts)
     if not _enough(parts, base, holdout):
         holdout = replace(holdout, last=FIFTH)
