@@ -188,7 +188,9 @@ def noise_series(parts: Sequence[Floats], held: Mask) -> list[Floats]:
     used = 1 + np.flatnonzero(size > 1e-12 * size.max(initial=0.0))
     U, s, _ = np.linalg.svd(stacked[:, used] / size[used - 1], full_matrices=False)
     U = U[:, s > 1e-7 * s[0]]
-    if np.sum(1.0 - np.sum(U[held] ** 2, axis=1)) < FREE:
+    free = 1.0 - np.sum(U[held] ** 2, axis=1)
+    if np.sum(free) < max(FREE, 0.5 * len(free)):
+        # Columns that take more than they leave take slow noise whole, and its colour with it.
         return [np.full(len(part), np.nan) for part in parts]
     residual = stacked[:, 0] - U @ (U.T @ stacked[:, 0])
     cuts = np.cumsum([len(part) for part in parts])[:-1]
