@@ -8,6 +8,7 @@ import numpy as np
 from impid_host.diagnosis.allowance import widened
 from impid_host.diagnosis.arbitrate import arbitrated, exactly_compared
 from impid_host.diagnosis.base import baseline
+from impid_host.diagnosis.beside import curves_beside
 from impid_host.diagnosis.case import Progress, prepare, saturated, silent
 from impid_host.diagnosis.choice import Choice, chosen, evidence_of, ordered
 from impid_host.diagnosis.floor import PER_COLUMN, noise_floor, resolution_of
@@ -65,10 +66,12 @@ def diagnose(study: Study, progress: Progress = silent, *, cutoff_hz: float | No
     above = above_floor(stages[-1], floor, left)
     if above and (left or choice.rejected):
         stages = (*stages[:-1], widened(stages[-1], floor))
-    notes = [*notes_of(choice, last, study), *in_words(stages[-1])]
+    notes = [*notes_of(choice, last, stages[-1], study), *in_words(stages[-1])]
     return Diagnosis(
         study=study.name,
-        baseline=baseline(study.setup, case.base.model),
+        baseline=baseline(
+            study.setup, case.base.model, given=all(view.load is not None for view in case.views)
+        ),
         fit_trials=case.holdout.fit,
         validation_trials=case.holdout.validation,
         stages=stages,
@@ -143,7 +146,7 @@ def with_last_stage(
     if not left and not left_open:
         return stages, last
     on = [row.on for row in left] or list(stages[0].rms)
-    parts = [part for part in _curves(choice) if carries_over(part)]
+    parts = curves_beside(bench.case, [part for part in _curves(choice) if carries_over(part)], bench.taps)
     opened = [named[s] for s in left_open]
     evidence = replace(_NO_NAME, share_of_residual=min(1.0, sum(row.share for row in left)))
     fit = bench.fit([*last.chosen, *opened, *parts])
@@ -205,7 +208,7 @@ def share_unexplained(
     return float(after / max(before, 1e-300))
 
 
-def notes_of(choice: Choice, fit: Refit, study: Study) -> list[str]:
+def notes_of(choice: Choice, fit: Refit, last: Stage, study: Study) -> list[str]:
     """What a reader must know of the data that were used."""
     case = choice.case
     words = [f"{event.words}: left out of the fit" for event in choice.pushed]
@@ -214,9 +217,23 @@ def notes_of(choice: Choice, fit: Refit, study: Study) -> list[str]:
     words += [
         f"what is left resembles {label} no more than it resembles other things" for label in choice.rejected
     ]
+    words += unlike_its_model(last)
     if all(view.measured is None for view in case.views):
         words.append("no accelerometer: accelerations come from the angles, and its faults cannot be seen")
     unused = [trial.name for trial in study.of_kind("stochastic")]
     if unused:
         words.append(f"not used: {', '.join(unused)}; no effect is looked for in stochastic trials")
     return words
+
+
+def unlike_its_model(last: Stage) -> list[str]:
+    """Forces of a load that its model predicts worse than a constant would: no M, B, K describe it."""
+    bad = [
+        key for key, vaf in last.vaf.items() if vaf < 0 and key.startswith("f") and not key.startswith("fs")
+    ]
+    names = " and ".join(last.loads)
+    return [
+        f"{key}: the model of {names} predicts the held-out force worse than a constant does, so M, B and K "
+        "describe what the robot holds in the fitted part at best"
+        for key in bad
+    ]
