@@ -13,6 +13,7 @@ FIT, SEALED = "fit", "validation"
 GAP_S = 0.3  # a gap is bridged by a line, so the filters have less to forget there than at an end
 _ENOUGH = 3  # trials of one kind and load, before one of them can be spared
 THIRD, FIFTH = 1 / 3, 1 / 5
+_PAUSE_S = 1.0  # noise and muscles remember too, where a record is long enough to wait for them
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,7 +35,9 @@ class Holdout:
         inside = view.valid & (view.name in (self.fit if part == FIT else self.validation))
         if view.name in self.fit and view.name in self.validation:
             cut = (1 - self.last) * view.t[-1]
-            pause_s = DEFAULT.with_cutoff(view.report_hz).edge_s  # what its filter remembers
+            pause_s = DEFAULT.with_cutoff(view.report_hz).edge_s  # what the filter remembers
+            if self.last == THIRD:
+                pause_s = max(pause_s, _PAUSE_S)
             inside = inside & (view.t < cut - pause_s if part == FIT else view.t >= cut)
         for trial, begin_s, end_s in self.left_out if part == FIT else ():
             if trial == view.name:

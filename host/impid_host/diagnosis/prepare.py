@@ -150,6 +150,7 @@ def setting_of(parts: Sequence[View], base: Base, *, referenced: bool) -> Settin
         force_sensor=any(view.force is not None for view in loaded),
         referenced=referenced,
         duration_s=max(float(view.t[-1]) for view in parts),
+        held=frozenset(term.name for term in base.structure.terms),
     )
 
 

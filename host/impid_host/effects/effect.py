@@ -54,7 +54,7 @@ class Setting:
         joints: number of joints; slides: which of them are prismatic, n of them.
         planar: two task axes; axes: how many there are; rotary_load: the load is a torque at the joint;
             bare: that torque is measured, and no drive stands between sensor and load.
-        gravity: the robot's model has gravity already.
+        gravity: the robot's model has gravity already; held: effects whose terms it has on every joint.
         links_m: declared link lengths, m.
         span: range of each joint's angle, rad (m), (n,).
         speed: 95th percentile of each joint's speed, rad/s (m/s), (n,).
@@ -86,6 +86,7 @@ class Setting:
     force_sensor: bool
     referenced: bool
     duration_s: float
+    held: frozenset[str] = frozenset()
 
     def at_ranges(self, other: "Ranges") -> "Setting":
         """The same apparatus, moved as in another record: terms that follow the motion are that record's."""

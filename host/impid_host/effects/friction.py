@@ -123,6 +123,9 @@ def _asymmetric(setting: Setting) -> Iterator[Term]:
             way, omega = direction(view, joint, bend), view.omega[:, joint]
             return on_joint(view, joint, np.maximum(way, 0), np.minimum(way, 0), np.abs(omega))
 
+        def slopes(view: View, _shape: float, joint: int = joint) -> Columns:
+            return on_joint(view, joint, np.abs(view.omega[:, joint]))
+
         plain = Term(
             "friction.asymmetric",
             (place,),
@@ -135,6 +138,10 @@ def _asymmetric(setting: Setting) -> Iterator[Term]:
             # While a joint moves, unequal dry friction is equal dry friction beside a constant torque.
             holds=(f"friction.coulomb@{place}", f"actuator.offset@{place}"),
         )
+        if {"friction.coulomb", "actuator.offset"} <= setting.held:
+            # The model has both parts of unequal dry friction; what it lacks is a slope that is unequal.
+            yield Term("friction.asymmetric", (place,), slopes, _read_slopes, variant="slopes alone")
+            continue
         yield plain
         yield replace(plain, columns=sloped, read=_read_sloped, size=3, variant="slopes too")
 
@@ -148,6 +155,10 @@ def _read_sloped(beta: Floats, _shape: float) -> dict[str, Value]:
     """The slopes are what is to be added to the model's viscous friction in either direction."""
     pos, neg, slope = map(float, beta)
     return {"torque_pos": pos, "torque_neg": neg, "viscous_pos": slope, "viscous_neg": -slope}
+
+
+def _read_slopes(beta: Floats, _shape: float) -> dict[str, Value]:
+    return {"viscous_pos": float(beta[0]), "viscous_neg": -float(beta[0])}
 
 
 def _quadratic(setting: Setting) -> Iterator[Term]:
@@ -230,7 +241,9 @@ def _presliding(setting: Setting) -> Iterator[Term]:
             theta = view.theta[:, joint]
             return on_joint(view, joint, stop(theta, width / 3.0), stop(theta, width))
 
-        shapes = tuple(float(setting.span[joint] * part) for part in _WIDTHS)
+        # Beside dry friction that is in the model without a bend, a bend of any width is presliding.
+        widths = (*_BENDS[3:], *_WIDTHS) if "friction.coulomb" in setting.held else _WIDTHS
+        shapes = tuple(float(setting.span[joint] * part) for part in widths)
         place = (joint_name(joint),)
         yield Term("friction.presliding", place, one, _read_presliding, shapes=shapes, variant="Dahl")
         yield Term(
