@@ -125,10 +125,7 @@ def report(
     # The same measure for every stage: how much the signals vary as they were measured.
     measured = _errors(fitted(views, [], base, holdout, prior), base, holdout) if chosen else errors
     rms = {key: error.rms for key, error in errors.items()}
-    vaf = {
-        key: float(100 * (1 - error.variance / max(measured[key].spread, 1e-300)))
-        for key, error in errors.items()
-    }
+    vaf = {key: _vaf(error.variance, measured[key].spread) for key, error in errors.items()}
     loads = {
         name: total(load, name, _load_numbers(load, fit.loads[name], handle_mass_kg), chosen)
         for name, load in base.loads
@@ -171,6 +168,13 @@ def _errors(fit: StageFit, base: Base, holdout: Holdout) -> dict[str, _Error]:
             key = channel(start, letter, has_torque=has_torque)
             result[key] = _error(residual[:, axis], float(spread[axis]))
     return result
+
+
+def _vaf(left: float, spread: float) -> float:
+    """[D] eq. 8, %; a joint without a drive logs zeros, of which nothing can be accounted for."""
+    if spread <= 0.0:
+        return 0.0 if left > 0.0 else 100.0
+    return float(100 * (1 - left / spread))
 
 
 def _error(residual: Floats, spread: float) -> _Error:
