@@ -22,7 +22,7 @@ from impid_host.diagnosis.ties import chosen_slots
 from impid_host.diagnosis.tolerance import in_words, with_tolerance
 from impid_host.diagnosis.traces import traces
 from impid_host.diagnosis.verdict import sentence
-from impid_host.effects.bounds import negligible, possible
+from impid_host.effects.bounds import negligible, on_its_bound, possible
 from impid_host.robot.model import RobotModel
 from impid_host.study.model import Study
 
@@ -121,6 +121,7 @@ def stands(bench: Bench, named: Mapping[int, Chosen]) -> tuple[dict[int, Chosen]
             for s, part in zip(kept, fit.chosen, strict=True)
             if not possible(part.term, part.beta, part.shape)
             or negligible(part.term, part.beta, part.shape)
+            or on_its_bound(part.term, part.beta, part.shape)
             or holds_zero(part)
         ]
         if not bad:
