@@ -16,12 +16,12 @@ from impid_host.impedance.campaign import default_chain
 from impid_host.robot.model import RobotModel
 from impid_host.signals.align import base_frame_force, raw_signals, robot_rows, sensor_angle
 from impid_host.signals.arrays import Floats, Mask
+from impid_host.signals.band import HIGHEST_OF_RATE
 from impid_host.signals.filters import ZeroPhaseLowPass
 from impid_host.study.model import Setup, Study, Trial
 
 VIEW_RATE_HZ = 250.0
 _OPEN_S = 0.1
-HIGHEST_OF_RATE = 0.4  # of the slower log: above, it says nothing
 _WIDE = ZeroPhaseLowPass(order=4, cutoff_hz=60.0)
 
 
@@ -32,7 +32,7 @@ def views(study: Study, model: RobotModel, cutoff_hz: float | None = None) -> tu
         cutoff_hz: of the band that is reported; None: as `fit` has it by default, by the motion.
 
     Raises:
-        UndeterminedError: no such trial, or clocks that cannot be matched.
+        UndeterminedError: no such trial, clocks that cannot be matched, or a band beyond what the logs show.
     """
     trials = study.of_kind("free", "mass-spring", "arm")
     if not trials:
@@ -45,6 +45,9 @@ def views(study: Study, model: RobotModel, cutoff_hz: float | None = None) -> tu
         bad, found = odd_rows(trial.name, robot_rows(trial.robot))
         result.append(replace(view_of(trial, study.setup, model, bad), report_hz=report))
         oddities += found
+    shown = min(HIGHEST_OF_RATE * min(view.meeting_hz, view.rate_hz) for view in result)
+    if cutoff_hz is not None and cutoff_hz > shown:
+        raise UndeterminedError(f"the logs show nothing above {shown:.3g} Hz; give a lower --cutoff")
     holdout = hold_out(result)
     if model.task_is_rotary:
         cutoff = quick_band_hz(result, holdout)

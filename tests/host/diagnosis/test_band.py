@@ -6,6 +6,7 @@ import pytest
 from impid_host.diagnosis.case import prepare
 from impid_host.diagnosis.holdout import FIFTH, FIT, SEALED, THIRD
 from impid_host.diagnosis.prepare import views
+from impid_host.errors import UndeterminedError
 from impid_host.impedance.campaign import default_chain
 from impid_host.robot.model import robot_model
 
@@ -23,6 +24,12 @@ def test_a_quick_motion_is_judged_in_its_own_band(model: str, tmp_path: Path) ->
     assert view.cutoff_hz >= view.report_hz
     (view,), _ = views(study, robot, 20.0)
     assert (view.report_hz, view.cutoff_hz >= 20.0) == (20.0, True)
+
+
+def test_a_band_that_the_logs_do_not_show_is_refused_by_name(tmp_path: Path) -> None:
+    study = build(Case("joint-1d", seed=163, free=1, loaded=0, seconds=15.0, device=False), tmp_path)
+    with pytest.raises(UndeterminedError, match="nothing above 100 Hz; give a lower --cutoff"):
+        views(study, robot_model(study.setup.robot), 150.0)
 
 
 def test_the_papers_motion_is_judged_in_the_papers_band(tmp_path: Path) -> None:
