@@ -145,15 +145,18 @@ def fit(study: Study | str | Path, *, with_terms: tuple[str, ...] = (), validate
     return Fitted(result, checks, document)
 
 
-def diagnose(study: Study | str | Path) -> Diagnosed:
+def diagnose(study: Study | str | Path, *, cutoff_hz: float | None = None) -> Diagnosed:
     """Find what the first model lacks, add it, judge it on data that took no part.
+
+    Args:
+        cutoff_hz: of the band in which errors are told; None: by the motion, as `fit`.
 
     Raises:
         InputError: as `read_study`.
         UndeterminedError: the data do not determine the robot or a load.
     """
     own = _study(study)
-    answer = _diagnose(own)
+    answer = _diagnose(own, cutoff_hz=cutoff_hz)
     checks = beside_diagnosis(own, answer, check_study(own))
     document = diagnosis_json(answer, checks)
     document["verdict"] = beside_checks(answer.verdict, checks)

@@ -28,6 +28,13 @@ from impid_host.report.wide_console import table_console
 @click.command()
 @click.argument("study", type=click.Path(path_type=Path))
 @click.option(
+    "--cutoff",
+    type=click.FloatRange(0.5, 200),
+    metavar="HZ",
+    help="Tell errors below this frequency; by default, as `fit` does, twice the band of the motion, 4.5 Hz "
+    "at least.",
+)
+@click.option(
     "--json", "json_to", metavar="FILE|-", help="Also write the answer as JSON (- for standard output)."
 )
 @click.option(
@@ -38,7 +45,9 @@ from impid_host.report.wide_console import table_console
     type=click.Path(path_type=Path, dir_okay=False),
     help="Write robot, loads and effects found, with the hashes of the data.",
 )
-def command(study: Path, json_to: str | None, figures: Path | None, save_model: Path | None) -> None:
+def command(
+    study: Path, cutoff: float | None, json_to: str | None, figures: Path | None, save_model: Path | None
+) -> None:
     """Find the cause of what the papers' model leaves unexplained, and prove it on held-out data.
 
     Effects of a fixed catalogue (friction, springs, delays, sensor faults, what a load does beyond mass and
@@ -56,7 +65,11 @@ def command(study: Path, json_to: str | None, figures: Path | None, save_model: 
         task = bar.add_task("checking", total=1.0)
         checks = check_study(read)
         try:
-            answer = diagnose(read, lambda words, share: bar.update(task, description=words, completed=share))
+            answer = diagnose(
+                read,
+                lambda words, share: bar.update(task, description=words, completed=share),
+                cutoff_hz=cutoff,
+            )
         except UndeterminedError as error:
             refused(read, checks, error, json_to)
     checks = beside_diagnosis(read, answer, checks)

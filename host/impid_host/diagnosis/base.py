@@ -107,9 +107,16 @@ def base_of(parts: Sequence[View], structure: RobotStructure, *, prior: bool = F
     return Base(structure, loads, bare)
 
 
-def baseline(setup: Setup, model: RobotModel) -> str:
-    """What a diagnosis starts from, "papers" or "textbook": as setup.toml says, else by the robot."""
-    return setup.robot.baseline or model.baseline
+def baseline(setup: Setup, model: RobotModel, *, given: bool = False) -> str:
+    """What a diagnosis starts from, "papers" or "textbook": as setup.toml says, else by the robot.
+
+    Args:
+        given: no trial shows the robot, so that it is what [prior] says of it: no dry friction where that has
+            none.
+    """
+    prior = setup.prior_alpha
+    bare = given and prior is not None and len(prior) == len(model.parameter_names)
+    return setup.robot.baseline or ("papers" if bare else model.baseline)
 
 
 TEXTBOOK = ("friction.coulomb", "actuator.offset")
@@ -124,9 +131,14 @@ def textbook_structure(model: RobotModel) -> RobotStructure:
     return replace(robot_structure(model, TEXTBOOK), gravity=model.task_is_rotary)
 
 
-def structure_of(setup: Setup, model: RobotModel) -> RobotStructure:
-    """The robot's model that a diagnosis starts from."""
-    return textbook_structure(model) if baseline(setup, model) == "textbook" else robot_structure(model)
+def structure_of(setup: Setup, model: RobotModel, *, given: bool = False) -> RobotStructure:
+    """The robot's model that a diagnosis starts from; see `baseline`."""
+    return structure_named(baseline(setup, model, given=given), model)
+
+
+def structure_named(name: str, model: RobotModel) -> RobotStructure:
+    """The model of "papers" or "textbook"."""
+    return textbook_structure(model) if name == "textbook" else robot_structure(model)
 
 
 def lacking(base: Base, tried: Iterable[Term]) -> list[Term]:

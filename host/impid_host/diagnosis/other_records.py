@@ -14,7 +14,7 @@ import numpy as np
 from impid_host.diagnosis.base import Base, base_of
 from impid_host.diagnosis.correct import corrected, with_true_model
 from impid_host.diagnosis.own_record import own_of_record, refitted
-from impid_host.diagnosis.prepare import HIGHEST_OF_RATE, views
+from impid_host.diagnosis.prepare import views
 from impid_host.diagnosis.proof import aligned, chain_of, channel
 from impid_host.diagnosis.result import Chosen
 from impid_host.diagnosis.reuse import carried, require_same_robot
@@ -27,6 +27,7 @@ from impid_host.impedance.identify import RobotParameters, physical_equation, ro
 from impid_host.impedance.rows import finish
 from impid_host.robot.model import robot_model
 from impid_host.signals.arrays import Floats
+from impid_host.signals.band import HIGHEST_OF_RATE
 from impid_host.study.model import Study
 
 BANDS_HZ = (4.5, 20.0, 50.0)

@@ -27,7 +27,7 @@ from impid_host.impedance.matrices import load_matrices
 from impid_host.impedance.rows import SERIES_RATE_HZ, Equation, series, stretches
 from impid_host.signals.align import AlignedTrial, base_frame_acceleration, joint_acceleration
 from impid_host.signals.arrays import Floats
-from impid_host.signals.chain import DEFAULT, PUBLISHED_CUTOFF_HZ, Chain
+from impid_host.signals.chain import DEFAULT, Chain
 
 Numbers = tuple[
     Number,
@@ -50,7 +50,7 @@ def in_time(view: View, chosen: Sequence[Chosen]) -> View:
 
 def chain_of(view: View) -> Chain:
     """The chain of `fit`, in the band that this study is reported in."""
-    return DEFAULT if view.report_hz == PUBLISHED_CUTOFF_HZ else DEFAULT.with_cutoff(view.report_hz)
+    return DEFAULT.with_cutoff(view.report_hz)
 
 
 def aligned(view: View) -> AlignedTrial:
@@ -125,7 +125,7 @@ def report(
         fit = _widened(fit, views, chosen, covariance, base, holdout, prior)
     errors = _errors(fit, base, holdout)
     rms = {key: error.rms for key, error in errors.items()}
-    vaf = {key: float(100 * (1 - error.variance / max(spread[key], 1e-300))) for key, error in errors.items()}
+    vaf = {key: _vaf(error.variance, spread[key]) for key, error in errors.items()}
     loads = {
         name: total(load, name, _load_numbers(load, fit.loads[name], handle_mass_kg), chosen)
         for name, load in base.loads
@@ -176,6 +176,13 @@ def _errors(fit: StageFit, base: Base, holdout: Holdout) -> dict[str, _Error]:
             key = channel(start, letter, has_torque=has_torque)
             result[key] = _error(residual[:, axis], float(spread[axis]))
     return result
+
+
+def _vaf(left: float, spread: float) -> float:
+    """[D] eq. 8, %; a joint without a drive logs zeros, of which nothing can be accounted for."""
+    if spread <= 0.0:
+        return 0.0 if left > 0.0 else 100.0
+    return float(100 * (1 - left / spread))
 
 
 def _error(residual: Floats, spread: float) -> _Error:
@@ -233,11 +240,15 @@ def fitted(
     """
     chain = chain_of(views[0])
     chain = chain if ar_order is None else replace(chain, ar_order=ar_order)
-    pairs = [(view, aligned(in_time(corrected(view, chosen), chosen))) for view in views]
+    cleaned = [in_time(corrected(view, chosen), chosen) for view in views]
+    pairs = [(view, aligned(clean)) for view, clean in zip(views, cleaned, strict=True)]
     structure = base.structure
+    # Effects of the geometry change the robot itself: its regressor and its Jacobian, trial by trial.
+    robots = {clean.name: replace(structure, model=clean.model) for clean in cleaned}
     known = prior is not None and all(view.load is not None for view in views)
-    shown = [] if known else shows_robot(pairs)
-    own = [(view, robot_equation(trial, structure, chain)) for view, trial in shown]
+    shown = [] if known else shows_robot(list(zip(cleaned, (trial for _, trial in pairs), strict=True)))
+    logged = {view.name: view for view in views}
+    own = [(logged[clean.name], robot_equation(trial, robots[clean.name], chain)) for clean, trial in shown]
     alpha = None
     if own:
         alpha = estimate_robot(_rows(own, holdout, chain), structure, chain)
@@ -253,7 +264,10 @@ def fitted(
     physical: dict[str, list[tuple[View, Equation]]] = {}
     for name, load in base.loads:
         members = [(view, trial) for view, trial in pairs if view.load == name]
-        virtual[name] = [(view, virtual_equation(trial, robot, load, chain)) for view, trial in members]
+        virtual[name] = [
+            (view, virtual_equation(trial, replace(robot, structure=robots[view.name]), load, chain))
+            for view, trial in members
+        ]
         loads[name] = _estimate(
             virtual[name], holdout, load.parameter_names, load.parameter_units, chain, robot.covariance
         )

@@ -87,7 +87,7 @@ def fit_with_model(
         # The robot as the saved model describes it: dry friction of a textbook's robot is part of it.
         options = replace(options, terms=tuple(term.name for term in saved.structure.of(model).terms))
     progress("aligning")
-    parts, _ = views(study, model)
+    parts, _ = views(study, model, options.chain.cutoff_hz)
     if options.acceleration == "angles":
         parts = [replace(view, measured=None, predicted=None) for view in parts]
     base = base_of(parts, structure_of(study.setup, model), prior=True)

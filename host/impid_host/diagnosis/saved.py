@@ -11,7 +11,7 @@ import numpy as np
 from pydantic import Field
 
 from impid_host import __version__
-from impid_host.diagnosis.base import structure_of, textbook_structure
+from impid_host.diagnosis.base import structure_named, textbook_structure
 from impid_host.diagnosis.parameters import NORMAL
 from impid_host.diagnosis.result import Diagnosis, Number
 from impid_host.diagnosis.saved_parts import (
@@ -84,7 +84,7 @@ def model_json(diagnosis: Diagnosis, study: Study) -> Json:
         if stage.added is not None
     ]
     model = robot_model(study.setup.robot)
-    structure, textbook = structure_of(study.setup, model), diagnosis.textbook
+    structure, textbook = structure_named(diagnosis.baseline, model), diagnosis.textbook
     # Where the robot is given, the first model stands for the textbook's too.
     given = textbook is not None and len(textbook.alpha.value) == len(structure.parameter_names)
     plain = structure if given else textbook_structure(model)

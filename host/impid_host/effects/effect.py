@@ -88,7 +88,7 @@ class Setting:
     force_sensor: bool
     referenced: bool
     duration_s: float
-    held: tuple[str, ...] = ()
+    held: frozenset[str] = frozenset()
 
     def at_ranges(self, other: "Ranges") -> "Setting":
         """The same apparatus, moved as in another record: terms that follow the motion are that record's."""

@@ -138,9 +138,9 @@ def _asymmetric(setting: Setting) -> Iterator[Term]:
             # While a joint moves, unequal dry friction is equal dry friction beside a constant torque.
             holds=(f"friction.coulomb@{place}", f"actuator.offset@{place}"),
         )
-        if all(label.partition("@")[0] in setting.held for label in plain.holds):
-            # Of what is unequal only the slopes are not in the model; how a contact bends is another effect.
-            yield Term("friction.asymmetric", (place,), slopes, _read_slopes, variant="slopes")
+        if {"friction.coulomb", "actuator.offset"} <= setting.held:
+            # The model has both parts of unequal dry friction; what it lacks is a slope that is unequal.
+            yield Term("friction.asymmetric", (place,), slopes, _read_slopes, variant="slopes alone")
             continue
         yield plain
         yield replace(plain, columns=sloped, read=_read_sloped, size=3, variant="slopes too")
@@ -158,8 +158,7 @@ def _read_sloped(beta: Floats, _shape: float) -> dict[str, Value]:
 
 
 def _read_slopes(beta: Floats, _shape: float) -> dict[str, Value]:
-    slope = float(beta[0])
-    return {"torque_pos": 0.0, "torque_neg": 0.0, "viscous_pos": slope, "viscous_neg": -slope}
+    return {"viscous_pos": float(beta[0]), "viscous_neg": -float(beta[0])}
 
 
 def _quadratic(setting: Setting) -> Iterator[Term]:
@@ -178,6 +177,7 @@ def _quadratic(setting: Setting) -> Iterator[Term]:
 
 
 def _position(setting: Setting) -> Iterator[Term]:
+    """A ripple over the angle: what was not visited once around is a slope, and says nothing of a period."""
     for joint in range(setting.joints):
         bend = float(_BEND * setting.span[joint])
         for variant in ("dry", "viscous"):
@@ -200,7 +200,8 @@ def _position(setting: Setting) -> Iterator[Term]:
                 columns,
                 _read_position,
                 size=2,
-                shapes=tuple(float(setting.span[joint] * part) for part in np.geomspace(0.12, 4.0, 18)),
+                shapes=tuple(float(setting.span[joint] * part) for part in np.geomspace(0.12, 1.0, 12)),
+                gate=lambda _beta, period, joint=joint: bool(period <= setting.span[joint]),  # type: ignore[misc]
                 variant=variant,
             )
 
@@ -240,9 +241,9 @@ def _presliding(setting: Setting) -> Iterator[Term]:
             theta = view.theta[:, joint]
             return on_joint(view, joint, stop(theta, width / 3.0), stop(theta, width))
 
-        # Dry friction that the model has already slides at once; any contact bends first, if only a little.
-        little = _BENDS[1:] if "friction.coulomb" in setting.held else ()
-        shapes = tuple(float(setting.span[joint] * part) for part in (*little, *_WIDTHS))
+        # Beside dry friction that is in the model without a bend, a bend of any width is presliding.
+        widths = (*_BENDS[1:], *_WIDTHS) if "friction.coulomb" in setting.held else _WIDTHS
+        shapes = tuple(float(setting.span[joint] * part) for part in widths)
         place = (joint_name(joint),)
         yield Term("friction.presliding", place, one, _read_presliding, shapes=shapes, variant="Dahl")
         yield Term(

@@ -23,7 +23,7 @@ def stage_table(diagnosis: Diagnosis) -> Table:
     """Error on held-out data, stage by stage."""
     keys = list(diagnosis.stages[0].rms)
     heads = [f"{key} ({channel_unit(key, diagnosis.prismatic)})" for key in keys]
-    title = f"{diagnosis.study}: rms and VAF on held-out data"
+    title = f"{diagnosis.study}: rms and VAF on held-out data, below {diagnosis.cutoff_hz:g} Hz"
     table = Table(Column("model", no_wrap=True), *heads, title=title, title_justify="left")
     for number, stage in enumerate(diagnosis.stages):
         row = [f"{stage.rms[key]:.3g}\n{stage.vaf[key]:.2f} %" for key in keys]
