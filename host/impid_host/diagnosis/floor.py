@@ -25,6 +25,7 @@ from impid_host.diagnosis.result import Floor
 from impid_host.diagnosis.rows import Index, Key, Run, Slot, rows_of, slots_of
 from impid_host.effects.view import ANGLE, View
 from impid_host.signals.arrays import Floats, Mask
+from impid_host.signals.filters import butterworth
 
 _ROUNDS = 2
 _DRAWS = 40
@@ -163,7 +164,7 @@ def _narrow(rows: Floats, step_s: float, cutoff_hz: float) -> tuple[Floats, Floa
     if len(rows) < 4 * edge + 30:
         return None
     used = np.any(rows != 0, axis=0)
-    sos = signal.butter(5, cutoff_hz, fs=1 / step_s, output="sos")
+    sos = butterworth(5, cutoff_hz, 1 / step_s)
     result = np.zeros_like(rows)
     result[:, used] = signal.sosfiltfilt(sos, rows[:, used], axis=0)
     inside = slice(edge, len(rows) - edge, max(1, int(1 / (2.2 * cutoff_hz * step_s))))

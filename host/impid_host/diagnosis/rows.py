@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -84,35 +85,68 @@ def slots_of(terms: Iterable[Term], first: int = 0) -> list[Slot]:
     return result
 
 
+_AT_ONCE = 8  # results of a decimation that one product of matrices gives
+_PROBE = 97  # a column is looked at in so many places before it is read as a whole
+
+
 @dataclass(frozen=True, slots=True)
 class Decimator:
-    """A symmetric FIR low-pass (Kaiser window, 60 dB) at every `step`-th instant."""
+    """A symmetric FIR low-pass (Kaiser window, 60 dB) at every `step`-th instant.
+
+    Attributes:
+        taps: (2 h + 1,); bands: the taps at each of the instants that are found at once, (m, (m - 1) step + 2 h
+            + 1): a product of matrices is several times as fast as a convolution.
+    """
 
     step: int
     taps: Floats
+    bands: Floats
 
     def __call__(self, values: Floats) -> Floats:
         """(N, ...) -> (ceil(N / step), ...)."""
         if self.step == 1:
             return values
         plain = values.reshape(len(values), -1)
-        count = -(-len(values) // self.step)
-        late = len(self.taps) // 2 // self.step
-        used = np.flatnonzero(plain.any(axis=0))  # most columns act in one channel of several
-        low = np.zeros((count, plain.shape[1]))
+        used = _alive(plain)  # most columns act in one channel of several
+        low = np.zeros((-(-len(values) // self.step), plain.shape[1]))
         if len(used):
-            columns = np.ascontiguousarray(plain[:, used].T)
-            low[:, used] = signal.upfirdn(self.taps, columns, 1, self.step, axis=1)[:, late : late + count].T
+            low[:, used] = self._filtered(plain, used)[: len(low)]
         return low.reshape(-1, *values.shape[1:])
+
+    def _filtered(self, plain: Floats, used: Index) -> Floats:
+        """The used columns of (N, c), at least as many instants as are wanted, (M, len(used))."""
+        m, width = self.bands.shape
+        pieces, half = -(-len(plain) // (self.step * m)), len(self.taps) // 2
+        padded = np.zeros(((pieces - 1) * m * self.step + width, len(used)))
+        fits = min(len(plain), len(padded) - half)
+        padded[half : half + fits] = plain[:fits] if len(used) == plain.shape[1] else plain[:fits, used]
+        windows = np.lib.stride_tricks.as_strided(
+            padded, (pieces, width, len(used)), (m * self.step * padded.strides[0], *padded.strides)
+        )
+        return np.asarray(np.matmul(self.bands, windows).reshape(pieces * m, len(used)))
+
+
+def _alive(plain: Floats) -> Index:
+    """Numbers of the columns of (N, c) that are not zero."""
+    alive = plain[::_PROBE].any(axis=0)
+    if not alive.all():
+        alive[~alive] = plain[:, ~alive].any(axis=0)
+    return np.flatnonzero(alive)
 
 
 def decimator(view: View) -> Decimator:
     """Down to about 2.2 rows per cycle of the band's end."""
-    step = max(1, int(view.rate_hz / (2.2 * view.cutoff_hz)))
-    half = 6 * step
-    return Decimator(
-        step, signal.firwin(2 * half + 1, view.cutoff_hz, fs=view.rate_hz, window=("kaiser", 6.0))
-    )
+    return _decimator(view.rate_hz, view.cutoff_hz)
+
+
+@lru_cache(maxsize=16)
+def _decimator(rate_hz: float, cutoff_hz: float) -> Decimator:
+    step = max(1, int(rate_hz / (2.2 * cutoff_hz)))
+    taps = signal.firwin(2 * 6 * step + 1, cutoff_hz, fs=rate_hz, window=("kaiser", 6.0))
+    bands = np.zeros((_AT_ONCE, (_AT_ONCE - 1) * step + len(taps)))
+    for k, row in enumerate(bands):
+        row[k * step : k * step + len(taps)] = taps
+    return Decimator(step, taps, bands)
 
 
 def rows_of(

@@ -7,6 +7,7 @@ and all of them look a little like springs, delays and masses that are.
 from collections.abc import Iterator
 
 import numpy as np
+from scipy import fft
 
 from impid_host.effects.effect import UNATTRIBUTED, Setting, Term, along, at_tip, on_joint
 from impid_host.effects.view import SPECIFIC_FORCE, Columns, View
@@ -59,14 +60,12 @@ def filtered(values: Floats, dt: float) -> list[Floats]:
     """
     count = len(values)
     size = 2 * count  # the other half is silence, so that the end does not reach the beginning
-    spectrum = np.fft.rfft(values, size)
-    frequency = np.fft.rfftfreq(size, dt)
-    result: list[Floats] = []
+    spectrum = fft.rfft(values, size)
+    frequency = fft.rfftfreq(size, dt)
     nodes = (_ENDS_HZ[0], *NODES_HZ, _ENDS_HZ[1])
-    for node in range(1, len(nodes) - 1):
-        weight = np.interp(frequency, nodes, np.eye(len(nodes))[node])
-        result += [np.fft.irfft(spectrum * weight * turn, size)[:count] for turn in (1.0, -1j)]
-    return result
+    weights = np.stack([np.interp(frequency, nodes, row) for row in np.eye(len(nodes))[1:-1]])
+    bands = np.stack([spectrum * weights, spectrum * weights * -1j], axis=1).reshape(-1, len(frequency))
+    return list(fft.irfft(bands, size, axis=1)[:, :count])
 
 
 def _term(on: str, columns: object, of: str) -> Term:

@@ -53,6 +53,23 @@ def curve_basis(values: Floats, low: float, high: float, count: int) -> Floats:
     return result
 
 
+_CURVE = "curve of "
+
+
+def _basis(
+    view: View, name: str, variable: Variable, span: tuple[float, float], count: int
+) -> Floats:
+    """`curve_basis` of a variable, remembered until another variable is asked for: many terms share it."""
+    key = (f"{_CURVE}{name} to {span[1]!r}", count, span[0])
+    found = view.memo.get(key)
+    if found is None:
+        found = curve_basis(variable(view), *span, count)
+        for old in [old for old in list(view.memo) if old[0].startswith(_CURVE) and old[0] != key[0]]:
+            view.memo.pop(old, None)
+        view.memo[key] = found
+    return found
+
+
 def structures(parts: Sequence[View], setting: Setting) -> list[Term]:
     """A curve in every variable on every channel, and a few products with the direction or speed."""
     result: list[Term] = []
@@ -108,7 +125,7 @@ def _curve(
     name: str, variable: Variable, span: tuple[float, float], channel: tuple[str, int], count: int
 ) -> Term:
     def columns(view: View, _shape: float) -> Columns:
-        return on_channel(view, *channel, curve_basis(variable(view), *span, count))
+        return on_channel(view, *channel, _basis(view, name, variable, span, count))
 
     return unnamed(channel_name(*channel), name, columns, count, f"{name} by {count}")
 
@@ -171,7 +188,7 @@ def _products(name: str, variable: Variable, span: tuple[float, float], joint: i
     for word, factor in factors.items():
 
         def columns(view: View, _shape: float, factor: Variable = factor) -> Columns:
-            basis = curve_basis(variable(view), *span, COARSE)
+            basis = _basis(view, name, variable, span, COARSE)
             return on_channel(view, TORQUE, joint, basis * factor(view)[:, None])
 
         yield unnamed(f"tau{joint + 1}", name, columns, COARSE, f"{word} times {name}")

@@ -1,6 +1,7 @@
 """Zero-phase filters, each the same whatever signal it is given: arrays in, arrays out, along axis 0."""
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from scipy import signal
@@ -23,6 +24,20 @@ def _below_half(cutoff_hz: float, rate_hz: float) -> float:
     return cutoff_hz
 
 
+@lru_cache(maxsize=64)
+def butterworth(order: int, cutoff_hz: float, rate_hz: float) -> Floats:
+    """Second-order sections of the low-pass, (k, 6): the design costs as much as filtering a short trial."""
+    sections: Floats = signal.butter(order, cutoff_hz, fs=rate_hz, output="sos")
+    return sections
+
+
+@lru_cache(maxsize=64)
+def chebyshev(order: int, ripple_dB: float, cutoff_hz: float, rate_hz: float) -> Floats:
+    """The same of a Chebyshev low-pass of type I."""
+    sections: Floats = signal.cheby1(order, ripple_dB, cutoff_hz, fs=rate_hz, output="sos")
+    return sections
+
+
 @dataclass(frozen=True, slots=True)
 class ZeroPhaseLowPass:
     """A Butterworth low-pass run forwards and backwards (filtfilt): no phase, the gain squared.
@@ -38,14 +53,14 @@ class ZeroPhaseLowPass:
     def apply(self, values: Floats, rate_hz: float) -> Floats:
         """Filter along axis 0; any trailing shape."""
         cutoff_hz = _below_half(self.cutoff_hz, rate_hz)
-        sections = signal.butter(self.order, cutoff_hz, fs=rate_hz, output="sos")
+        sections = butterworth(self.order, cutoff_hz, rate_hz)
         pad = min(len(values) - 1, int(3 * rate_hz / self.cutoff_hz))
         result: Floats = signal.sosfiltfilt(sections, values, axis=0, padlen=pad)
         return result
 
     def gain(self, frequency_hz: Floats, rate_hz: float) -> Floats:
         """Magnitude response of the two runs together."""
-        sections = signal.butter(self.order, self.cutoff_hz, fs=rate_hz, output="sos")
+        sections = butterworth(self.order, self.cutoff_hz, rate_hz)
         _, response = signal.sosfreqz(sections, frequency_hz, fs=rate_hz)
         return np.abs(response) ** 2
 
@@ -61,7 +76,7 @@ class ZeroPhaseChebyshev:
     def apply(self, values: Floats, rate_hz: float) -> Floats:
         """Filter along axis 0; any trailing shape."""
         cutoff_hz = _below_half(self.cutoff_hz, rate_hz)
-        sections = signal.cheby1(self.order, self.ripple_dB, cutoff_hz, fs=rate_hz, output="sos")
+        sections = chebyshev(self.order, self.ripple_dB, cutoff_hz, rate_hz)
         result: Floats = signal.sosfiltfilt(sections, values, axis=0)
         return result
 
