@@ -9,10 +9,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import linalg, signal, special
+from scipy import linalg, special
 
 from impid_host.diagnosis.rows import Index, Key, Run, mapped
 from impid_host.signals.arrays import Floats
+from impid_host.signals.filters import FiniteResponse
 
 _HIGHEST_ORDER = 12
 BLOCK_S = 2.0
@@ -62,12 +63,8 @@ def _by_all(runs: Sequence[Run], own: Sequence[Run]) -> Floats:
 def whitened(runs: Sequence[Run], taps: Taps) -> list[Run]:
     """Rows turned into innovations of unit variance; each run loses as many rows as its channel has taps."""
 
-    def change(run: Run, Z: Floats) -> Floats:
-        h = taps[run.key]
-        result: Floats = signal.lfilter(h, [1.0], Z, axis=0)[len(h) - 1 :]
-        return result
-
-    return mapped(runs, change)
+    responses = {key: FiniteResponse.of(own) for key, own in taps.items()}
+    return mapped(runs, lambda run, Z: responses[run.key].apply(Z))
 
 
 def autoregression(residuals: Sequence[Floats]) -> Floats:

@@ -10,9 +10,10 @@ from scipy import signal
 
 from impid_host.diagnosis.base import Base, targets
 from impid_host.diagnosis.holdout import FIT, Holdout, settled
-from impid_host.effects.effect import Term
+from impid_host.effects.effect import Each, Term
 from impid_host.effects.view import ANGLE, FAMILIES, Columns, View
 from impid_host.signals.arrays import Floats, Mask
+from impid_host.signals.filters import FiniteResponse
 
 _EDGE_S = 0.5
 REFERENCE = "reference"
@@ -85,22 +86,15 @@ def slots_of(terms: Iterable[Term], first: int = 0) -> list[Slot]:
     return result
 
 
-_AT_ONCE = 8  # results of a decimation that one product of matrices gives
 _PROBE = 97  # a column is looked at in so many places before it is read as a whole
 
 
 @dataclass(frozen=True, slots=True)
 class Decimator:
-    """A symmetric FIR low-pass (Kaiser window, 60 dB) at every `step`-th instant.
-
-    Attributes:
-        taps: (2 h + 1,); bands: the taps at each of the instants that are found at once, (m, (m - 1) step + 2 h
-            + 1): a product of matrices is several times as fast as a convolution.
-    """
+    """A symmetric FIR low-pass (Kaiser window, 60 dB) at every `step`-th instant."""
 
     step: int
-    taps: Floats
-    bands: Floats
+    low_pass: FiniteResponse
 
     def __call__(self, values: Floats) -> Floats:
         """(N, ...) -> (ceil(N / step), ...)."""
@@ -110,20 +104,9 @@ class Decimator:
         used = _alive(plain)  # most columns act in one channel of several
         low = np.zeros((-(-len(values) // self.step), plain.shape[1]))
         if len(used):
-            low[:, used] = self._filtered(plain, used)[: len(low)]
+            some = plain if len(used) == plain.shape[1] else plain[:, used]
+            low[:, used] = self.low_pass.apply(some, len(self.low_pass.taps) // 2)
         return low.reshape(-1, *values.shape[1:])
-
-    def _filtered(self, plain: Floats, used: Index) -> Floats:
-        """The used columns of (N, c), at least as many instants as are wanted, (M, len(used))."""
-        m, width = self.bands.shape
-        pieces, half = -(-len(plain) // (self.step * m)), len(self.taps) // 2
-        padded = np.zeros(((pieces - 1) * m * self.step + width, len(used)))
-        fits = min(len(plain), len(padded) - half)
-        padded[half : half + fits] = plain[:fits] if len(used) == plain.shape[1] else plain[:fits, used]
-        windows = np.lib.stride_tricks.as_strided(
-            padded, (pieces, width, len(used)), (m * self.step * padded.strides[0], *padded.strides)
-        )
-        return np.asarray(np.matmul(self.bands, windows).reshape(pieces * m, len(used)))
 
 
 def _alive(plain: Floats) -> Index:
@@ -143,10 +126,7 @@ def decimator(view: View) -> Decimator:
 def _decimator(rate_hz: float, cutoff_hz: float) -> Decimator:
     step = max(1, int(rate_hz / (2.2 * cutoff_hz)))
     taps = signal.firwin(2 * 6 * step + 1, cutoff_hz, fs=rate_hz, window=("kaiser", 6.0))
-    bands = np.zeros((_AT_ONCE, (_AT_ONCE - 1) * step + len(taps)))
-    for k, row in enumerate(bands):
-        row[k * step : k * step + len(taps)] = taps
-    return Decimator(step, taps, bands)
+    return Decimator(step, FiniteResponse.of(taps, step))
 
 
 def rows_of(
@@ -196,13 +176,19 @@ def _low_columns(
     for slot in slots:
         if not slot.term.acts_in(view):
             continue
-        # The same effect in some trials only has the same columns.
-        key = (id(slot.term.columns), slot.shape)
+        columns, first = slot.term.columns, slot.columns.start
+        if isinstance(columns, Each):
+            own = columns.first(view)
+            if own is None:
+                continue
+            columns, first = columns.inner, first + own
+        # The same effect in some trials only, or with a value for each, has the same columns.
+        key = (id(columns), slot.shape)
         if key not in shared:
-            found = slot.term.columns(view, slot.shape)
+            found = columns(view, slot.shape)
             shared[key] = {family: lower(block) for family, block in found.items() if family in measured}
         for family, block in shared[key].items():
-            result.setdefault(family, []).append((slot.columns.start, block))
+            result.setdefault(family, []).append((first, block))
     return result
 
 

@@ -27,6 +27,7 @@ from impid_host.signals.resample import (
     oversampling,
     thinned,
 )
+from impid_host.signals.systems import solved
 from impid_host.study.model import AccelerometerSetup, ForceSensor, RobotLog, Setup, Trial, TrialKind
 
 AccelerationSource = Literal["accelerometer", "angles"]
@@ -269,7 +270,7 @@ def base_frame_acceleration(
 def joint_acceleration(a: Floats, J: Floats, J_rate: Floats, omega: Floats) -> Floats:
     """[D] eq. 7, theta'' = J^-1 (x'' - J' theta'): (N, 2), (N, 2, 2) twice, (N, 2) -> (N, 2), rad/s^2."""
     remainder = a - np.einsum("kij,kj->ki", J_rate, omega)
-    result: Floats = np.linalg.solve(J, remainder[:, :, None])[:, :, 0]
+    result: Floats = solved(J, remainder[:, :, None])[:, :, 0]
     return result
 
 
