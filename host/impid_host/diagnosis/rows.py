@@ -111,7 +111,7 @@ class Decimator:
 
 def _alive(plain: Floats) -> Index:
     """Numbers of the columns of (N, c) that are not zero."""
-    alive = plain[::_PROBE].any(axis=0)
+    alive = np.asarray(plain[::_PROBE].any(axis=0))
     if not alive.all():
         alive[~alive] = plain[:, ~alive].any(axis=0)
     return np.flatnonzero(alive)

@@ -72,7 +72,7 @@ def dahl(position: Floats, width: float) -> Floats:
 
 
 def _stretches(position: Floats) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Where a motion (N,) turns, its ends among them, (k + 1,); of each but the first, its stretch, (N - 1,)."""
+    """Where a motion (N,) turns and ends, (k + 1,); the stretch of each instant but the first, (N - 1,)."""
     inner = np.flatnonzero(np.diff(np.sign(np.diff(position))) != 0) + 1
     turns = np.concatenate([[0], inner, [len(position) - 1]])
     return turns, np.repeat(np.arange(len(turns) - 1), np.diff(turns))
