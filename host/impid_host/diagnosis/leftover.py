@@ -79,7 +79,7 @@ def believable(table: Table, named: Sequence[int], unnamed: Sequence[int], left:
 def _in_angles(table: Table, s: int) -> bool:
     """Whether the slot shows in the angles' difference, of which no structure is sought."""
     columns = table.columns([s])
-    return any(run.family == ANGLE and np.isin(run.used, columns).any() for run in table.runs)
+    return any(run.family == ANGLE and run.has(columns) for run in table.runs)
 
 
 def odd_structures(oddities: Sequence[Oddity]) -> list[Structure]:

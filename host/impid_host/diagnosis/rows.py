@@ -43,6 +43,7 @@ class Run:
         used: which columns of the terms are not zero here, (k,), rising; design: those, (N, k), in single
         precision:
             a column is never told from another by its seventh digit.
+        further: the same of columns behind those, which came later.
     """
 
     trial: str
@@ -55,6 +56,7 @@ class Run:
     base: Floats
     used: Index
     design: NDArray[np.float32]
+    further: tuple[tuple[Index, NDArray[np.float32]], ...] = ()
 
     @property
     def key(self) -> Key:
@@ -69,11 +71,28 @@ class Run:
     def columns(self, wanted: Index) -> Floats:
         """The wanted columns of all terms, zeros where they are none here, (N, len(wanted))."""
         result = np.zeros((len(self.target), len(wanted)))
-        if len(self.used):
-            place = np.minimum(np.searchsorted(self.used, wanted), len(self.used) - 1)
-            there = self.used[place] == wanted
-            result[:, there] = self.design[:, place[there]]
+        for used, design in self.parts:
+            there, place = _places(used, wanted)
+            if there.any():
+                result[:, there] = design[:, place[there]]
         return result
+
+    @property
+    def parts(self) -> tuple[tuple[Index, NDArray[np.float32]], ...]:
+        """Numbers and values of all columns that are not zero here."""
+        return ((self.used, self.design), *self.further)
+
+    def has(self, wanted: Index) -> bool:
+        """Whether any of the wanted columns is not zero here."""
+        return any(bool(_places(used, wanted)[0].any()) for used, _ in self.parts)
+
+
+def _places(used: Index, wanted: Index) -> tuple[Mask, Index]:
+    """Which of the wanted numbers are among the rising `used`, and where."""
+    if len(used) == 0:
+        return np.zeros(len(wanted), dtype=bool), np.zeros(len(wanted), dtype=np.intp)
+    place = np.minimum(np.searchsorted(used, wanted), len(used) - 1)
+    return used[place] == wanted, place
 
 
 def slots_of(terms: Iterable[Term], first: int = 0) -> list[Slot]:
@@ -144,7 +163,8 @@ def rows_of(
     measured = targets(view)
     by_family = {} if base is None else {family: lower(block) for family, block in base.columns(view).items()}
     size = 0 if base is None else base.size
-    columns = _low_columns(view, slots, measured, lower)
+    # What is remembered of a motion is dropped with its rows.
+    columns = _low_columns(replace(view, memo={}), slots, measured, lower)
     runs = []
     count = -(-len(view.t) // lower.step)
     for family in FAMILIES:
@@ -261,8 +281,8 @@ def mapped(runs: Sequence[Run], change: Callable[[Run, Floats], Floats]) -> list
                 replace(
                     run,
                     begin_s=begin,
-                    target=Z[:, 0],
-                    base=Z[:, 1 : 1 + p],
+                    target=Z[:, 0].copy(),  # not a view: that would keep all of Z
+                    base=Z[:, 1 : 1 + p].copy(),
                     design=Z[:, 1 + p :].astype(np.float32),
                 )
             )
