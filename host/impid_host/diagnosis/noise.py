@@ -51,7 +51,7 @@ def noise_models(runs: Sequence[Run], columns: Index) -> Taps:
 def _left_by(runs: Sequence[Run], wanted: Index, target: Floats) -> tuple[Floats, int]:
     """What base and the wanted columns leave of the runs' target, (N,), and how many of them are not zero.
 
-    Triangle by triangle (QR), one run after another, so that the columns of all runs never stand side by side.
+    Triangle by triangle (QR), one run after another: the columns of all runs never stand side by side.
     """
 
     def design(run: Run) -> Floats:

@@ -210,6 +210,8 @@ class Swept:
 
     def drop(self, columns: slice) -> float:
         """Drop of the residual sum of squares by further columns, without what the others span."""
+        if columns.stop == columns.start + 1:
+            return self._drop_of_one(columns.start + 1)
         index = np.arange(columns.start, columns.stop) + 1
         W, own = self.W[:, index], self.G[np.ix_(index, index)]
         A, b = own - W.T @ W, self.G[index, 0] - W.T @ self.W[:, 0]
@@ -223,6 +225,14 @@ class Swept:
         values, vectors = np.linalg.eigh(A / np.outer(size, size))
         good = values > 1e-6
         return float(np.sum((vectors[:, good].T @ (b / size)) ** 2 / values[good]))
+
+    def _drop_of_one(self, place: int) -> float:
+        w = self.W[:, place]
+        own = float(self.G[place, place])
+        left = own - float(w @ w)
+        if left <= _SPANNED * max(own, 1e-300):
+            return 0.0
+        return float(self.G[place, 0] - self.W[:, 0] @ w) ** 2 / left
 
 
 def swept(G: Floats, columns: Index) -> Swept:

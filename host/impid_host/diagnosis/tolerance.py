@@ -11,7 +11,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-from scipy import stats
 
 from impid_host.diagnosis.base import Base
 from impid_host.diagnosis.holdout import Holdout
@@ -23,9 +22,9 @@ from impid_host.impedance.linear import Estimate
 from impid_host.impedance.loads import LoadModel
 from impid_host.impedance.matrices import load_matrices
 from impid_host.signals.arrays import Floats
+from impid_host.signals.quantiles import NORMAL_975
 from impid_host.study.model import Tolerance
 
-_NORMAL = float(stats.norm.ppf(0.975))
 _LETTERS = ("M", "B", "K")
 NOISE, LENGTHS = "noise", "link lengths"
 
@@ -95,7 +94,7 @@ def _changes(load: LoadModel, here: Estimate, moved: Sequence[Estimate]) -> Mapp
             a, b = getattr(first, letter), getattr(second, letter)
             if a is not None and b is not None:
                 squares[letter] = squares.get(letter, np.zeros_like(a.value)) + (b.value - a.value) ** 2
-    return {letter: _NORMAL * np.sqrt(own) for letter, own in squares.items()}
+    return {letter: NORMAL_975 * np.sqrt(own) for letter, own in squares.items()}
 
 
 def _wider(number: Number, more: Floats) -> Number:

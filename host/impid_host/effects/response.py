@@ -75,7 +75,8 @@ def _synthesised(spectra: NDArray[np.complex128], count: int, size: int) -> NDAr
     """sum_k s[k] exp(2 pi i k n / size) for n < count: (b, m) -> (b, count).
 
     Only the first few lines of the spectrum are there, so that a convolution with a chirp of little more than
-    `count` instants does it (Bluestein, IEEE Trans. Audio Electroacoust. 18, 1970): 2 k n = k^2 + n^2 - (k - n)^2.
+    `count` instants does it: 2 k n = k^2 + n^2 - (k - n)^2 (Bluestein, IEEE Trans. Audio Electroacoust. 18,
+    1970).
     """
     lines = spectra.shape[1]
     padded = fft.next_fast_len(count + lines - 1)

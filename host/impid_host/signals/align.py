@@ -116,6 +116,8 @@ def robot_rows(log: RobotLog) -> RobotLog:
     good = np.isfinite(log.t) & np.isfinite(log.theta).all(axis=1) & np.isfinite(log.tau).all(axis=1)
     latest = np.maximum.accumulate(np.where(np.isfinite(log.t), log.t, -np.inf))
     good[1:] &= log.t[1:] > latest[:-1]
+    if good.all():
+        return log
     return RobotLog(
         t=log.t[good],
         theta=log.theta[good],
