@@ -14,18 +14,16 @@ from impid_host.checks.signals import RATE_HZ, Signals, TrialSignals
 from impid_host.impedance.loads import load_model
 from impid_host.robot.model import RobotModel
 from impid_host.signals.arrays import Floats
+from impid_host.signals.filters import FiniteResponse
 
 _DOWN = 5
-_TAPS = signal.firwin(61, 4.0, fs=RATE_HZ)
-_SETTLED = 30
+_LOW = FiniteResponse.of(signal.firwin(61, 4.0, fs=RATE_HZ), _DOWN)
 ROWS_HZ = RATE_HZ / _DOWN
 
 
 def low(values: Floats) -> Floats:
     """Low-pass at 4 Hz and every fifth row, where the filter has settled: (N, ...) -> (R, ...)."""
-    flat = values.reshape(len(values), -1)
-    whole = signal.upfirdn(_TAPS, flat, axis=0)[2 * _SETTLED : len(values)]
-    return np.ascontiguousarray(whole[::_DOWN]).reshape(-1, *values.shape[1:])
+    return _LOW.apply(values.reshape(len(values), -1)).reshape(-1, *values.shape[1:])
 
 
 def derivative(values: Floats) -> Floats:

@@ -84,4 +84,4 @@ def _low_pass(rate_hz: float, report_hz: float) -> Floats | None:
 def _in_angles(table: Table, s: int) -> bool:
     """Whether the slot shows in the angles' difference, of which no structure is sought."""
     columns = table.columns([s])
-    return any(run.family == ANGLE and np.isin(run.used, columns).any() for run in table.runs)
+    return any(run.family == ANGLE and run.has(columns) for run in table.runs)

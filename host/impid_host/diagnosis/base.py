@@ -67,11 +67,24 @@ class Base:
                 result["force"] = force
         return result
 
+    def predicted(self, view: View, value: Floats) -> Columns:
+        """`columns` times `value`, without forming them: family -> (N, c)."""
+        Y = replace(self.structure, model=view.model).regressor(view.theta, view.omega, view.acc, view.dt)
+        torque = np.zeros(Y.shape[:2]) if self.bare else Y @ value[: Y.shape[2]]
+        result = {"torque": torque}
+        if view.load is not None:
+            A = dict(self.loads)[view.load].regressor(view.x, view.v, view.a)
+            force = A @ value[self.slot(view.load)]
+            result["torque"] = torque + np.einsum("kij,ki->kj", view.J, force)
+            if view.force is not None:
+                result["force"] = force
+        return result
+
     def informed(self, view: View, value: Floats) -> View:
         """The view with the model's torque, equilibrium and response at `value` in it."""
 
         def respond(other: View) -> Columns:
-            answer = {family: columns @ value for family, columns in self.columns(other).items()}
+            answer = self.predicted(other, value)
             if other.predicted is not None:
                 answer["specific_force"] = other.predicted
             return answer

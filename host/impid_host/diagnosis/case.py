@@ -122,8 +122,10 @@ def tabulated(case: Case, noise: Noise | None = None, progress: Progress = silen
         runs = [run for view in used for run in rows_of(view, None, fresh, case.holdout)]
         return _with_references(case, whitened(runs, taps))
 
-    white = _with_references(case, whitened(raw, taps))
-    del raw
+    white: list[Run] = []
+    while raw:  # one set of columns goes as the other comes
+        white += whitened([raw.pop(0)], taps)
+    white = _with_references(case, white)
     plain = Noise(taps, dict.fromkeys([*taps, (REFERENCE, 0)], 1e4))
     table = table_of(white, slots, noise or plain, make)
     return table if noise is not None else replace(table, noise=Noise(taps, _tails(table)))

@@ -26,6 +26,7 @@ from impid_host.diagnosis.result import Floor
 from impid_host.diagnosis.rows import Index, Key, Run, Slot, rows_of, slots_of
 from impid_host.effects.view import ANGLE, View
 from impid_host.signals.arrays import Floats, Mask
+from impid_host.signals.filters import butterworth
 
 _ROUNDS = 2
 _DRAWS = 40
@@ -117,22 +118,23 @@ def _specified(view: View, resolution: Mapping[str, Floats]) -> _Noise:
 
 
 def _noise(fit: Refit, runs: Sequence[Run], lines_Hz: Sequence[float]) -> list[_Noise]:
-    by_key: dict[Key, list[tuple[Run, Floats, Floats]]] = {}
-    trials = sorted({run.trial for run in runs})
-    width = max((int(run.used.max()) + 1 for run in runs if len(run.used)), default=0)
-    report = fit.views[0].report_hz
-    for run in runs:
-        if run.family == ANGLE:
-            continue
-        stacked = [run.target, run.base, run.columns(np.arange(width)), _hum(run, trials, lines_Hz)]
-        narrow = _narrow(np.column_stack(stacked), run.step_s, report)
-        if narrow is not None:
-            by_key.setdefault(run.key, []).append((run, narrow[0], run.begin_s + narrow[1]))
     left: dict[str, dict[Key, list[Floats]]] = {}
-    for key, own in by_key.items():
-        held = np.concatenate([np.full(len(rows), run.part == SEALED) for run, rows, _ in own])
-        series = noise_series([rows for _, rows, _ in own], held)
-        for (run, _, place), noise in zip(own, series, strict=True):
+    trials = sorted({run.trial for run in runs})
+    report = fit.views[0].report_hz
+    for key in dict.fromkeys(run.key for run in runs if run.family != ANGLE):
+        own = [run for run in runs if run.key == key]
+        wanted = np.unique(np.concatenate([run.used for run in own]))
+        parts: list[tuple[Run, Floats, Floats]] = []
+        for run in own:
+            stacked = [run.target, run.base, run.columns(wanted), _hum(run, trials, lines_Hz)]
+            narrow = _narrow(np.column_stack(stacked), run.step_s, report)
+            if narrow is not None:
+                parts.append((run, narrow[0], run.begin_s + narrow[1]))
+        if not parts:
+            continue
+        held = np.concatenate([np.full(len(rows), run.part == SEALED) for run, rows, _ in parts])
+        series = noise_series([rows for _, rows, _ in parts], held)
+        for (run, _, place), noise in zip(parts, series, strict=True):
             if run.part == SEALED:
                 left.setdefault(run.trial, {}).setdefault(key, []).append(np.column_stack([place, noise]))
     views = {view.name: view for view in fit.views}
@@ -167,10 +169,7 @@ def _narrow(rows: Floats, step_s: float, cutoff_hz: float) -> tuple[Floats, Floa
     edge = round(_EDGE_S / step_s)
     if len(rows) < 4 * edge + 30:
         return None
-    used = np.any(rows != 0, axis=0)
-    sos = signal.butter(5, cutoff_hz, fs=1 / step_s, output="sos")
-    result = np.zeros_like(rows)
-    result[:, used] = signal.sosfiltfilt(sos, rows[:, used], axis=0)
+    result = butterworth(5, cutoff_hz, 1 / step_s).forth_and_back(rows)
     inside = slice(edge, len(rows) - edge, max(1, int(1 / (2.2 * cutoff_hz * step_s))))
     return result[inside], np.asarray(step_s * np.arange(len(rows))[inside], dtype=np.float64)
 

@@ -4,14 +4,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-from scipy import stats
 
 from impid_host.diagnosis.result import Chosen, Number, Reported, as_array
 from impid_host.effects.catalogue import CATALOGUE
 from impid_host.effects.effect import Plain
 from impid_host.signals.arrays import Floats
-
-NORMAL = float(stats.norm.ppf(0.975))
+from impid_host.signals.quantiles import NORMAL_975
 
 
 def fits_shape(part: Chosen) -> bool:
@@ -93,7 +91,7 @@ def _flat(part: Chosen, beta: Floats, shape: float) -> dict[tuple[str, str], Pla
 
 def _number(value: Floats, slope: Floats, covariance: Floats, unit: str) -> Number:
     variance = np.einsum("...i,ij,...j->...", slope, covariance, slope)
-    half = NORMAL * np.sqrt(np.maximum(variance, 0))
+    half = NORMAL_975 * np.sqrt(np.maximum(variance, 0))
     return Number(value, np.stack([value - half, value + half], axis=-1), unit)
 
 

@@ -272,7 +272,9 @@ def fitted(
             virtual[name], holdout, load.parameter_names, load.parameter_units, chain, robot.covariance
         )
         if all(trial.force is not None for _, trial in members):
-            physical[name] = [(view, physical_equation(trial, load, chain)) for view, trial in members]
+            physical[name] = [
+                (view, physical_equation(own.trial, load, chain, own.design)) for view, own in virtual[name]
+            ]
     return StageFit(alpha, robot, loads, free, virtual, physical)
 
 

@@ -9,7 +9,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy import stats
 
 from impid_host.diagnosis.case import Case
 from impid_host.diagnosis.correct import corrected, with_true_model
@@ -21,6 +20,7 @@ from impid_host.effects.bounds import possible
 from impid_host.effects.effect import Term
 from impid_host.effects.view import Columns, View
 from impid_host.signals.arrays import Floats
+from impid_host.signals.quantiles import NORMAL_975, student_975
 
 _ROUNDS = 5
 _SETTLED = 0.05  # of a standard deviation
@@ -233,7 +233,7 @@ def _solved(rows: _Rows) -> tuple[Floats, Floats, Floats]:
     np.add.at(scores, number, (J / size) * left[:, None])
     blocks = len(scores)
     robust = bread @ (scores.T @ scores) @ bread * blocks / max(blocks - 1, 1)
-    robust = robust * (stats.t.ppf(0.975, max(blocks - 1, 2)) / stats.norm.ppf(0.975)) ** 2
+    robust = robust * (student_975(max(blocks - 1, 2)) / NORMAL_975) ** 2
     ratio = np.diag(robust) / np.maximum(np.diag(plain), 1e-300)
     raised = np.sqrt(np.maximum(ratio, 1.0))
     covariance = plain * np.outer(raised, raised) / np.outer(size, size)

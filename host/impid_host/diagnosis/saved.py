@@ -12,7 +12,6 @@ from pydantic import Field
 
 from impid_host import __version__
 from impid_host.diagnosis.base import structure_named, textbook_structure
-from impid_host.diagnosis.parameters import NORMAL
 from impid_host.diagnosis.result import Diagnosis, Number
 from impid_host.diagnosis.saved_parts import (
     EffectTable,
@@ -34,6 +33,7 @@ from impid_host.impedance.identify import LoadFit, RobotFit
 from impid_host.robot.model import robot_model
 from impid_host.robot.terms import RobotStructure
 from impid_host.signals.arrays import Floats
+from impid_host.signals.quantiles import NORMAL_975
 from impid_host.study.model import Study
 from impid_host.study.toml_file import Table, validate
 
@@ -120,7 +120,7 @@ def fit_json(fit: StudyFit, study: Study, textbook: StudyFit | None) -> Json:
         **_head(study, [trial.name for trial in fit.trials]),
         "robot": {
             **_robot(study, structure, structure.parameter_names, robot.value),
-            "ci95": np.stack([robot.value - NORMAL * sd, robot.value + NORMAL * sd], axis=1).tolist(),
+            "ci95": np.stack([robot.value - NORMAL_975 * sd, robot.value + NORMAL_975 * sd], axis=1).tolist(),
             "covariance": robot.covariance.tolist(),
         },
         "loads": numbers,

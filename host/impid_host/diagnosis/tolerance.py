@@ -13,7 +13,6 @@ import numpy as np
 
 from impid_host.diagnosis.base import Base
 from impid_host.diagnosis.holdout import Holdout
-from impid_host.diagnosis.parameters import NORMAL
 from impid_host.diagnosis.proof import StageFit, fitted
 from impid_host.diagnosis.refit import Refit
 from impid_host.diagnosis.result import Number, Stage
@@ -22,6 +21,7 @@ from impid_host.impedance.linear import Estimate
 from impid_host.impedance.loads import LoadModel
 from impid_host.impedance.matrices import load_matrices
 from impid_host.signals.arrays import Floats
+from impid_host.signals.quantiles import NORMAL_975
 from impid_host.study.model import Tolerance
 
 _LETTERS = ("M", "B", "K")
@@ -93,7 +93,7 @@ def _changes(load: LoadModel, here: Estimate, moved: Sequence[Estimate]) -> Mapp
             a, b = getattr(first, letter), getattr(second, letter)
             if a is not None and b is not None:
                 squares[letter] = squares.get(letter, np.zeros_like(a.value)) + (b.value - a.value) ** 2
-    return {letter: NORMAL * np.sqrt(own) for letter, own in squares.items()}
+    return {letter: NORMAL_975 * np.sqrt(own) for letter, own in squares.items()}
 
 
 def _wider(number: Number, more: Floats) -> Number:

@@ -6,9 +6,9 @@ for the control of machines with friction", Automatica 30 (1994).
 
 from collections.abc import Iterator
 from dataclasses import replace
-from itertools import pairwise
 
 import numpy as np
+from numpy.typing import NDArray
 
 from impid_host.effects.effect import (
     Effect,
@@ -60,16 +60,22 @@ def dahl(position: Floats, width: float) -> Floats:
 
     Dahl, Solid friction damping of mechanical vibrations, AIAA J. 14 (1976).
     """
-    step = np.diff(position)
-    edges = np.concatenate([[0], np.flatnonzero(np.diff(np.sign(step)) != 0) + 1, [len(step)]])
-    result = np.empty(len(position))
-    result[0] = state = 0.0
-    for begin, end in pairwise(edges):
-        towards = np.sign(step[begin]) if end > begin else 0.0
-        gone = np.abs(position[begin + 1 : end + 1] - position[begin]) / width
-        result[begin + 1 : end + 1] = towards + (state - towards) * np.exp(-gone)
-        state = result[end]
-    return result
+    turns, place = _stretches(position)
+    way = np.sign(np.diff(position[turns]))
+    fades = np.exp(-np.abs(np.diff(position[turns])) / width)
+    states = [0.0]
+    for towards, fade in zip(way.tolist(), fades.tolist(), strict=True):
+        states.append(towards + (states[-1] - towards) * fade)
+    begin, towards = np.array(states)[place], way[place]
+    gone = np.abs(position[1:] - position[turns[place]]) / width
+    return np.concatenate([[0.0], towards + (begin - towards) * np.exp(-gone)])
+
+
+def _stretches(position: Floats) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Where a motion (N,) turns and ends, (k + 1,); the stretch of each instant but the first, (N - 1,)."""
+    inner = np.flatnonzero(np.diff(np.sign(np.diff(position))) != 0) + 1
+    turns = np.concatenate([[0], inner, [len(position) - 1]])
+    return turns, np.repeat(np.arange(len(turns) - 1), np.diff(turns))
 
 
 def _bends(setting: Setting, joint: int) -> tuple[float, ...]:
@@ -260,14 +266,13 @@ def _presliding(setting: Setting) -> Iterator[Term]:
 
 def stop(position: Floats, width: float) -> Floats:
     """Prandtl's stop operator in -1..1 along a position (N,): a spring of 1 / width that slips at 1."""
-    step = np.diff(position) / width
-    result = np.empty(len(position))
-    result[0] = state = 0.0
-    for k, move in enumerate(step.tolist(), start=1):
-        state += move
-        state = 1.0 if state > 1.0 else -1.0 if state < -1.0 else state
-        result[k] = state
-    return result
+    # Between reversals it goes one way, so that it slips at one end and stays there.
+    turns, place = _stretches(position)
+    states = [0.0]
+    for move in (np.diff(position[turns]) / width).tolist():
+        states.append(min(max(states[-1] + move, -1.0), 1.0))
+    gone = (position[1:] - position[turns[place]]) / width
+    return np.concatenate([[0.0], np.clip(np.array(states)[place] + gone, -1.0, 1.0)])
 
 
 def _read_presliding(beta: Floats, width: float) -> dict[str, Value]:
