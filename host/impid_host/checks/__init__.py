@@ -2,7 +2,7 @@
 
 from impid_host.checks.agreement import Agreement, Pair, agreement
 from impid_host.checks.check import Change, Check, Checks
-from impid_host.checks.gate import Bounded, LoadNumbers, gate
+from impid_host.checks.gate import Bounded, LoadNumbers, RobotNumbers, gate
 from impid_host.checks.judge import check_study, searched
 
 __all__ = [
@@ -13,6 +13,7 @@ __all__ = [
     "Checks",
     "LoadNumbers",
     "Pair",
+    "RobotNumbers",
     "agreement",
     "check_study",
     "gate",
