@@ -3,7 +3,7 @@
 from impid_host.checks.agreement import Agreement, Pair, agreement
 from impid_host.checks.check import Change, Check, Checks
 from impid_host.checks.gate import Bounded, LoadNumbers, RobotNumbers, gate
-from impid_host.checks.judge import check_study, searched
+from impid_host.checks.judge import check_study
 
 __all__ = [
     "Agreement",
@@ -17,5 +17,4 @@ __all__ = [
     "agreement",
     "check_study",
     "gate",
-    "searched",
 ]

@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 
 from impid_host.checks.check import Check, Checks
-from impid_host.checks.joint_fit import HEAVIEST_KG
+from impid_host.checks.physics import HEAVIEST_KG, STIFFEST_N_M
 from impid_host.impedance.matrices import Quantity
 from impid_host.robot.model import RobotModel
 from impid_host.robot.terms import RobotStructure
@@ -18,7 +18,6 @@ from impid_host.signals.arrays import Floats
 
 _LOOK = "run `impid-host check STUDY`: it tries the commonest mistakes"
 _SPOTS = 60
-_STIFFEST = 1e6
 
 
 @dataclass(frozen=True, slots=True)
@@ -147,7 +146,7 @@ def _load(load: LoadNumbers) -> Iterator[Check]:
     if load.K is not None:
         if load.kind == "mass-spring":
             yield from _not_negative(load, load.K, "stiffness")
-        if not load.rotary and float(np.max(np.abs(load.K.value))) > _STIFFEST:
+        if not load.rotary and float(np.max(np.abs(load.K.value))) > STIFFEST_N_M:
             said = f"{load.name} has {np.max(np.abs(load.K.value)):.3g} N/m: a unit must be wrong"
             yield _impossible(load.name, said, {"K": load.K.value})
 

@@ -16,7 +16,7 @@ from impid_host.study.model import Study, Trial
 # A share of rows at one end of a channel, and how often its neighbours' number, that no motion gives.
 _CLIPPED_SHARE = 0.004
 _CLIPPED_TIMES = 8.0
-_RESTS = 2e-3
+RESTS = 2e-3
 _SILENT = 0.1  # m/s^2: what noise, tilt and warm-up of a sensor at rest stay below
 _ALIKE_SHARE = 0.5
 _ANGLES = "impid-host fit --acceleration angles"
@@ -177,7 +177,7 @@ def _resting(study: Study, signals: Signals) -> Iterator[Check]:
         for trial, span, other in zip(
             signals.trials, logged, counted if len(counted) == len(logged) else logged, strict=True
         ):
-            if min(span, other) > _RESTS or max(span, other) <= _RESTS:
+            if min(span, other) > RESTS or max(span, other) <= RESTS:
                 continue
             side = "module's encoder" if other < span else "controller's angle"
             yield Check(
@@ -192,7 +192,7 @@ def _resting(study: Study, signals: Signals) -> Iterator[Check]:
         still = [
             trial.name
             for trial, span in zip(signals.trials, logged, strict=True)
-            if span <= _RESTS and np.ptp(trial.theta[:, joint]) <= _RESTS
+            if span <= RESTS and np.ptp(trial.theta[:, joint]) <= RESTS
         ]
         if still and len(still) == len(logged):
             yield Check(

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from functools import partial
+from itertools import combinations
 
 import numpy as np
 
@@ -41,15 +42,18 @@ def in_every_log(study: Signals, encoder: EncoderSetup | None) -> Iterator[Hypot
                 _both_sides(encoder, joint, "zero", shift),
                 odds=1.5,
             )
-    if n == 2:
+    for i, j in combinations(range(n), 2):
+        order = [j if k == i else i if k == j else k for k in range(n)]
+        module = "" if encoder is None else f", enc{i + 1} and enc{j + 1} in device.csv"
         yield everywhere(
             "angle.swapped",
-            "joint1+joint2",
-            "the two joints are swapped in every log",
-            lambda theta: theta[:, ::-1],
-            "swap theta1 and theta2 in robot.csv, enc1 and enc2 in device.csv",
+            f"joint{i + 1}+joint{j + 1}",
+            f"joints {i + 1} and {j + 1} are swapped in every log",
+            partial(np.take, indices=order, axis=1),
+            f"swap theta{i + 1} and theta{j + 1} in robot.csv{module}",
             odds=1.0,
         )
+    if n == 2:
         if study.model.name == "planar-2r-absolute":
             for shift in (0.0, np.pi / 2, -np.pi / 2):
                 yield everywhere(
