@@ -7,6 +7,7 @@ import numpy as np
 from impid_host.checks.axes import AxisMap
 from impid_host.checks.check import Change, Check
 from impid_host.checks.equations import Motions
+from impid_host.checks.force_lag import Lag, force_lag
 from impid_host.checks.joint_fit import JointFit
 from impid_host.checks.looks import RESTS
 from impid_host.checks.mistakes import accelerometer, force
@@ -19,6 +20,8 @@ SIGMAS = 8.0
 _CLOCKS = 0.05
 GRAVE = 0.3
 _HARDLY = 0.7
+_LAG_S = 0.3e-3
+_LAG_SIGMAS = 5.0
 ZERO_G_M_S2 = 2.5
 FORCE_ZERO_N = 2.0
 _SHARE_OF_FORCE = 0.3
@@ -57,6 +60,7 @@ def disagreements(study: Signals, fit: JointFit, motions: Motions, setup: Setup)
         if robot is not None:
             found = force.force_map(study, motions, robot, study.force_frame)
             yield from _forces(found)
+            yield from _late_force(force_lag(study, motions, robot), setup)
             yield from _force_zero(study, found)
     yield from _angles(fit)
     yield from _unexplained(study, fit)
@@ -90,6 +94,24 @@ def _forces(found: AxisMap | None) -> Iterator[Check]:
             {"map": np.round(found.raw, 4), "standard_error": found.sd},
             "run `impid-host diagnose`: an effect that the model lacks may be behind it",
         )
+
+
+def _late_force(lag: Lag | None, setup: Setup) -> Iterator[Check]:
+    """Damping by Method 2 is off by K times the lag, which the readings' own noise does not tell."""
+    if lag is None or abs(lag.seconds) < max(_LAG_S, _LAG_SIGMAS * lag.sd):
+        return
+    late = "late" if lag.seconds > 0 else "early"
+    told = setup.force_sensor.timing == "instant"
+    why = " (read in one instant, as [force_sensor] timing says)" if told else ""
+    yield Check(
+        "methods.disagree",
+        "sensor",
+        "suspect",
+        f"the force sensor is {1e3 * abs(lag.seconds):.2f} +- {1.96e3 * lag.sd:.2g} ms {late} against the "
+        f"torques{why}: by Method 2 damping is off by K times that",
+        {"lag_s": lag.seconds, "standard_error_s": lag.sd},
+        "take B from Method 1, or run `impid-host diagnose` (force.delay); log means over the sample period",
+    )
 
 
 def _zero_g(found: AxisMap | None, sensor: AccelerometerSetup | None) -> Iterator[Check]:

@@ -9,7 +9,7 @@ from impid_host.checks.check import Check, Checks, Verdict
 from impid_host.checks.disagree import disagreements
 from impid_host.checks.equations import Motions
 from impid_host.checks.joint_fit import JointFit
-from impid_host.checks.looks import looks
+from impid_host.checks.looks import looks, unmatched
 from impid_host.checks.mistakes.hypothesis import Hypothesis
 from impid_host.checks.search import Found, search
 from impid_host.checks.signals import Signals, signals_of
@@ -39,7 +39,7 @@ def check_study(study: Study) -> Checks:
     """
     signals = signals_of(study)
     if not signals.trials:
-        return Checks()
+        return Checks.of(unmatched(study, signals))
     motions = Motions()
     seen = list(looks(study, signals, motions))
     signals = _without(signals, seen)

@@ -31,6 +31,7 @@ _ROUNDS = 3
 _NO_WORSE = 1.1
 # Only a study as bad as this has angles that are wrong in every log alike.
 GRAVE = 0.25
+_MECHANICS = ("tau", "fx", "fy")
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,27 +76,29 @@ def search(study: Signals, setup: Setup, motions: Motions) -> Outcome:
             break
         found.append(best)
         study, fit = best.mistake.mend(study), best.after
-    if any(_by_torques_alone(one) for one in found) and not _hangs_together(first.fit, fit):
+    if any(_by_mechanics_alone(one) for one in found) and not _hangs_together(first.fit, fit):
         return first
     return Outcome(tuple(found), study, fit)
 
 
 def _hangs_together(before: JointFit, after: JointFit) -> bool:
-    """Whether the torques are explained with all mistakes undone, or far better than before.
+    """Whether torques and forces are explained with all mistakes undone, or far better than before.
 
     In a study of which much is left whatever is tried, the change that helps most is not what was done.
     """
     return all(
         r < GRAVE or r * TIMES < before.left.get(channel, 0.0)
         for channel, r in after.left.items()
-        if channel.startswith("tau")
+        if channel.startswith(_MECHANICS)
     )
 
 
-def _by_torques_alone(found: Found) -> bool:
-    """Whether nothing but torques speaks for a mistake."""
+def _by_mechanics_alone(found: Found) -> bool:
+    """Whether nothing but torques and forces speaks for a mistake."""
     before, after = found.before.left, found.after.left
-    return all(c.startswith("tau") for c, r in before.items() if r > max(1.5 * after.get(c, r), IN_ORDER))
+    return all(
+        c.startswith(_MECHANICS) for c, r in before.items() if r > max(1.5 * after.get(c, r), IN_ORDER)
+    )
 
 
 def in_order(fit: JointFit) -> bool:

@@ -54,6 +54,7 @@ def in_every_log(study: Signals, encoder: EncoderSetup | None) -> Iterator[Hypot
             odds=1.0,
         )
     if n == 2:
+        yield from _other_model(study)
         if study.model.name == "planar-2r-absolute":
             for shift in (0.0, np.pi / 2, -np.pi / 2):
                 yield everywhere(
@@ -86,6 +87,22 @@ def in_every_log(study: Signals, encoder: EncoderSetup | None) -> Iterator[Hypot
             f'{LOG}: theta = {{ column = "...", scale = {1 / factor.value:.6g} }}'
             + ("" if encoder is None else "; setup.toml: [encoder] counts_per_rev by the same factor"),
             odds=1.0,
+        )
+
+
+def _other_model(study: Signals) -> Iterator[Hypothesis]:
+    """Angles and torques both as the other of the two planar models has them."""
+    other = {"planar-2r-absolute": "planar-2r-relative", "planar-2r-relative": "planar-2r-absolute"}
+    name = other.get(study.model.name)
+    if name is not None:
+        yield Hypothesis(
+            "angle.frame",
+            "joint2",
+            f"the robot is a {name}",
+            lambda signals: signals.with_model(name),
+            f'setup.toml: [robot] model = "{name}"',
+            (Change("robot", "model", name),),
+            0.5,
         )
 
 
