@@ -130,7 +130,7 @@ def fit(study: Study | str | Path, *, with_terms: tuple[str, ...] = (), validate
     own = _study(study)
     result = fit_study(own, Options(chain=default_chain(own), terms=with_terms, split=Split(validate_s)))
     twice = agreement(own, result.loads)
-    checks = check_study(own).with_more(gate_fit(own, result)).with_more(twice.checks)
+    checks = check_study(own).with_more(gate_fit(result)).with_more(twice.checks)
     document = fit_json(
         result.study,
         result.chain,

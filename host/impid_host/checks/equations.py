@@ -49,7 +49,9 @@ class Motion:
         load: J^T A by kind of load, (R, n, q); task: A, (R, d, q).
         felt: what an accelerometer at the end-effector feels along x and y, (R, 2), and along the turning
             axes x' and y'; None where the robot is not planar.
-        spread: rms of the angles about their mean, (n,).
+        tip: angle of the end-effector, (N,).
+        inertia_of: the inertia matrix by one unit of each of the p parameters at S places visited,
+            (S, n, n, p); J_at: the Jacobian there, (S, d, n).
     """
 
     robot: Floats
@@ -57,7 +59,7 @@ class Motion:
     task: dict[str, Floats]
     felt: dict[str, Floats] | None
     tip: Floats
-    inertia_at: Floats
+    inertia_of: Floats
     J_at: Floats
     rows: int
 
@@ -88,7 +90,24 @@ def motion_of(theta: Floats, model: RobotModel, kinds: frozenset[str]) -> Motion
         base = a - np.array(model.plane_gravity_m_s2)
         felt = {"fixed": low(base), "link2": low(turned(base, -tip))}
     some = slice(None, None, max(1, len(theta) // 40))
-    return Motion(low(Y), load, task, felt, tip, theta[some], J[some], len(low(np.zeros((len(theta), 1)))))
+    return Motion(
+        low(Y),
+        load,
+        task,
+        felt,
+        tip,
+        _inertia_of(theta[some], model),
+        J[some],
+        len(low(np.zeros((len(theta), 1)))),
+    )
+
+
+def _inertia_of(theta: Floats, model: RobotModel) -> Floats:
+    """What one unit of acceleration of each joint takes, by each parameter: (S, n) -> (S, n, n, p)."""
+    rest = np.zeros_like(theta)
+    still = model.regressor(theta, rest, rest)
+    each = np.eye(model.joints)
+    return np.stack([model.regressor(theta, rest, rest + unit) - still for unit in each], axis=2)
 
 
 class Motions:

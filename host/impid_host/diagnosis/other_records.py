@@ -81,6 +81,7 @@ class Judgement:
         left_out: effects that did not go along, and why; refitted: the record's own, with their values.
         notes: trials that could not be judged; same_data: files on which the model was found.
         prismatic: torques are forces.
+        effects: of the last stage, as they went along, or were fitted anew, in each study.
     """
 
     model: str
@@ -93,6 +94,7 @@ class Judgement:
     notes: tuple[str, ...]
     same_data: tuple[str, ...]
     prismatic: bool
+    effects: tuple[Chosen, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -146,6 +148,7 @@ def judge(
         raise InputError(saved.path, "holds no stages to judge", remedy)
     sums: dict[tuple[float, str, int], _Sums] = {}
     left_out, again, notes = _Lines(), _Lines(), _Lines()
+    effects: list[Chosen] = []
     aligned_studies = []
     for study in studies:
         require_same_robot(saved, study)
@@ -161,6 +164,7 @@ def judge(
             predicted, lines, own = predict(stage, parts, saved.ranges, refit_record=refit_record)
             left_out.add(study, lines, several=len(studies) > 1)
             again.add(study, own if number == len(models) - 1 else [], several=len(studies) > 1)
+            effects += predicted.chosen if number == len(models) - 1 else ()
             for cutoff in usable:
                 for key, part in _channels(predicted, cutoff):
                     place = (cutoff, key, number)
@@ -193,6 +197,7 @@ def judge(
         notes.all,
         tuple(name for study in studies for name in same_files(saved, study)),
         all(robot_model(studies[0].setup.robot).prismatic),
+        tuple(effects),
     )
 
 

@@ -69,9 +69,18 @@ class Provenance:
         return [f"{self.file} was found on these very data ({files}): errors on them say nothing of new data"]
 
 
+@dataclass(frozen=True, slots=True)
+class Reused:
+    """A fit with a saved model's effects taken out: the fit, those effects, where they came from."""
+
+    fit: StudyFit
+    effects: tuple[Chosen, ...]
+    provenance: Provenance
+
+
 def fit_with_model(
     study: Study, saved: SavedModel, options: Options, progress: Progress, *, keep_robot: bool = False
-) -> tuple[StudyFit, Provenance]:
+) -> Reused:
     """The study's fit with the saved effects taken out; intervals hold the effects' uncertainty.
 
     Args:
@@ -108,9 +117,9 @@ def fit_with_model(
     progress("propagating the effects' uncertainty")
     result = _widened(plain, chosen, fitted)
     labels = tuple(dict.fromkeys(part.term.label for part in chosen))
-    return result, Provenance(
-        saved.path.name, saved.study, saved.made_by, labels, tuple(left_out), origin, same_files(saved, study)
-    )
+    same = same_files(saved, study)
+    told = Provenance(saved.path.name, saved.study, saved.made_by, labels, tuple(left_out), origin, same)
+    return Reused(result, tuple(chosen), told)
 
 
 def require_same_robot(saved: SavedModel, study: Study) -> None:

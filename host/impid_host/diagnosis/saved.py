@@ -2,7 +2,7 @@
 
 import hashlib
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -15,6 +15,7 @@ from impid_host.diagnosis.base import structure_named, textbook_structure
 from impid_host.diagnosis.result import Diagnosis, Number
 from impid_host.diagnosis.saved_parts import (
     EffectTable,
+    NumberTable,
     RangesTable,
     SavedEffect,
     SavedStage,
@@ -49,7 +50,7 @@ class SavedModel:
         study: on which it was found; data_sha256: hashes of that study's files, by path within it.
         robot: the model's name; link_lengths_m, gravity_m_s2: of setup.toml.
         alpha: (p,); covariance: (p, p).
-        loads: names of the loads.
+        loads: M, B, K and x0 of each load, as far as its model has them.
         structure: what alpha is multiplied with.
         ranges: of the motion on which the effects were found; None where there are none.
         stages: the first model and one effect more at each; textbook: that model on the same data, or None.
@@ -65,7 +66,7 @@ class SavedModel:
     names: tuple[str, ...]
     alpha: Floats
     covariance: Floats
-    loads: tuple[str, ...]
+    loads: Mapping[str, Mapping[str, Number]]
     effects: tuple[SavedEffect, ...]
     structure: SavedStructure
     stages: tuple[SavedStage, ...]
@@ -213,7 +214,7 @@ class _ModelFile(Table):
     fitted_on: list[str] = Field(default_factory=list)
     data_sha256: dict[str, str] = Field(default_factory=dict)
     robot: _Robot
-    loads: dict[str, Any] = Field(default_factory=dict)
+    loads: dict[str, dict[str, NumberTable]] = Field(default_factory=dict)
     effects: list[EffectTable]
     stages: list[StageTable] = Field(default_factory=list)
     textbook: StageTable | None = None
@@ -256,7 +257,7 @@ def read_model(path: Path) -> SavedModel:
         tuple(robot.names),
         np.array(robot.alpha),
         covariance,
-        tuple(file.loads),
+        {name: {key: n.read() for key, n in load.items()} for name, load in file.loads.items()},
         effects,
         robot.structure.read(path),
         tuple(stage.read(path) for stage in file.stages),
