@@ -17,6 +17,7 @@ COMMANDS = {
     "check": "Look for mistakes in a study: signs, units, swaps, labels.",
     "fit": "Identify the robot, then the load or arm, of a study.",
     "diagnose": "Find what the model lacks in a study, and prove it on held-out data.",
+    "report": "One page about a study: verdict, tables, figures, provenance.",
     "judge": "Error of a saved model on other records of the same machine, nothing fitted.",
     "import": "Turn foreign logs (CSV, Parquet, .mat) into a study folder.",
     "export": "Write a study folder, Parquet, .mat or CAN log from a recording.",
