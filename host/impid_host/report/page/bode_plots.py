@@ -7,6 +7,7 @@ import numpy as np
 from impid_host.impedance.spectral.second_order import second_order_impedance
 from impid_host.impedance.stochastic import SpectralFit
 from impid_host.report.page.plot import Band, Line, Plot
+from impid_host.signals.arrays import Floats
 
 _AXES = "xy"
 _NORMAL = 1.96
@@ -57,12 +58,18 @@ def _elements(fit: SpectralFit) -> Iterator[Plot]:
                 x_label="frequency (Hz)",
                 y_label="phase (degrees)",
                 lines=(
-                    Line(f, phase, "estimate", "second"),
-                    Line(f, np.rad2deg(np.angle(C_model[:, i, j])), "model M, B, K", "first"),
+                    Line(*_unbroken(f, phase), "estimate", "second"),
+                    Line(*_unbroken(f, np.rad2deg(np.angle(C_model[:, i, j]))), "model M, B, K", "first"),
                 ),
                 bands=(Band(f, phase - swing, phase + swing, "second"),),
                 y_range=(-190.0, 190.0),
             )
+
+
+def _unbroken(f: Floats, phase: Floats) -> tuple[Floats, Floats]:
+    """A phase in degrees, interrupted where it goes round the circle."""
+    round_ = np.flatnonzero(np.abs(np.diff(phase)) > 180.0) + 1
+    return np.insert(f, round_, np.nan), np.insert(phase, round_, np.nan)
 
 
 def _coherences(fit: SpectralFit) -> Iterator[Plot]:

@@ -137,6 +137,6 @@ def _difference(plot: Plot, virtual: Series, physical: Series, column: int, unit
         plot,
         key=f"{plot.key}_difference",
         title=f"{plot.title}: virtual minus physical sensor",
-        lines=(Line(*broken(common, error), "difference", "first"),),
+        lines=(Line(*broken(common, error), "difference", "second"),),
         caption=f"rms {rms:.2g} {unit}, {100 * rms / max(size, 1e-300):.2g} % of the measured force's",
     )

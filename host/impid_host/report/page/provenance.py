@@ -31,7 +31,7 @@ def provenance(
         ("versions", ", ".join(f"{name} {version(name)}" for name in _PACKAGES)),
         ("on", f"Python {platform.python_version()}, {platform.system()} {platform.machine()}"),
         ("study", str(study.source.resolve()) if study.source is not None else study.name),
-        ("sessions", sessions(study)),
+        ("sessions", sessions(study) or "not said ([session] in setup.toml)"),
         ("board", boards(study)),
     ]
     if findings.fit is not None:
@@ -53,9 +53,9 @@ def boards(study: Study) -> str:
 
 
 def sessions(study: Study) -> str:
-    """Subject, side, date and posture of the study's trials, each combination once."""
+    """Subject, side, date and posture of the study's trials, each combination once; "" where none is said."""
     found = dict.fromkeys(session_words(study.session_of(trial)) for trial in study.trials)
-    return "; ".join(words for words in found if words) or "not said ([session] in setup.toml)"
+    return "; ".join(words for words in found if words)
 
 
 def session_words(session: Session) -> str:

@@ -24,7 +24,7 @@ def quality_table(study: Study, fit: StudyFit | None) -> Table:
     table = Table(
         title="Data, trial by trial",
         caption="usable: instants that neither a gap nor a filter's edge touches; lost: numbers missing in "
-        "the module's sample count; clock: the module's against the robot's, with the 95 % interval of the drift",
+        "the module's sample count; clock: the module's against the robot's, with its 95 % interval",
     )
     heads = ("trial", "kind", "length\ns", "robot's log\nrows", "rate\nHz", "module's\nsamples", "lost")
     for head in (*heads, "flagged", "usable\n%", "clock drift\nppm", "accelerations from"):

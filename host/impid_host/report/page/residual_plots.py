@@ -83,7 +83,7 @@ def _left(part: Series, labels: Sequence[tuple[str, str]], by: str) -> Iterator[
             title=f"{part.trial}: residual of {name}, {by}",
             x_label="time since the trial began (s)",
             y_label=f"{name} ({unit})",
-            lines=(Line(*broken(part.t[shown], rest), "left by the model", "first"),),
+            lines=(Line(*broken(part.t[shown], rest), "left by the model", "second"),),
             spans=tuple(held_out(part.t[shown], part.held_out[shown])),
             caption=f"rms {_rms(rest):.2g} {unit}",
         )

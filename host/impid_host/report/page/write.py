@@ -106,8 +106,8 @@ def _all(findings: Findings, command: Sequence[str]) -> list[Section]:
         _effects(findings),
         Section(
             "Residuals of whole trials",
-            "What the model leaves. Good: a band as thin as the noise, the same everywhere. Slow waves, steps "
-            "at turning points and stretches unlike the rest are things that the model lacks.",
+            "What the model leaves. Good: a band as thin as the noise, the same everywhere. Slow waves, "
+            "steps at turning points and stretches unlike the rest are things that the model lacks.",
             plots=tuple(
                 residual_plots(answer) if answer is not None else fit_residual_plots(fit) if fit else ()
             ),
