@@ -7,7 +7,7 @@ import click
 from rich.console import Console
 
 from impid_host.cli.checked import IMPOSSIBLE
-from impid_host.cli.inputs import load_inputs
+from impid_host.cli.inputs import load_studies
 from impid_host.errors import InputError
 
 
@@ -45,21 +45,22 @@ def command(studies: tuple[Path, ...], out: Path, figures: Path | None, diagnose
       impid-host report study/ --out report.html --figures figures/
       impid-host report monday/ tuesday/ --out both.html
     """
-    read = [load_inputs([study], (), None) for study in studies]
+    read = load_studies(studies)
     from impid_host.report.page.findings import gather  # noqa: PLC0415  (the catalogue is slow to import)
     from impid_host.report.page.write import figures as plots_of  # noqa: PLC0415
     from impid_host.report.page.write import write_page  # noqa: PLC0415
+    from impid_host.sessions.shown import comparison_sections  # noqa: PLC0415
 
     with Console(stderr=True).status("checking") as status:
         found = [gather(study, status.update, diagnosed=diagnosed) for study in read]
         status.update("writing")
-        page = write_page(found, ["impid-host", *sys.argv[1:]])
+        page = write_page(found, ["impid-host", *sys.argv[1:]], comparison_sections(found))
         drawn = 0
         if figures is not None:
             from impid_host.report.page.journal import draw  # noqa: PLC0415  (matplotlib is slow to import)
 
             for own in found:
-                place = figures / own.study.name if len(found) > 1 else figures
+                place = figures / own.study.name.replace("/", "_") if len(found) > 1 else figures
                 drawn += len(draw(plots_of(own), place))
     write_text(out, page)
     click.echo(f"{out}: {len(page) / 1e6:.1f} MB" + (f"; {drawn} figures in {figures}" if drawn else ""))

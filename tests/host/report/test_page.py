@@ -20,19 +20,8 @@ from impid_host.report.page.residual_plots import event_spans, residual_plots
 from impid_host.report.page.svg import svg, ticks
 from impid_host.samples import FLAG_RESET, DeviceSamples
 from impid_host.study.folder import write_study
-from impid_host.study.model import (
-    RobotLog,
-    RobotSetup,
-    Session,
-    Setup,
-    Study,
-    Trial,
-)
+from small_study import K, study
 
-L1, L2 = 0.254, 0.2667
-ALPHA = np.array([0.06929, 0.04217, 0.04416, 0.06510, 0.07389])
-K = np.array([[400.0, -30.0], [-30.0, 250.0]])
-MASS = 0.5
 PROBE = """<script>window.problems = [];
 addEventListener("error", (e) => problems.push(String(e.message)));
 console.error = console.warn = (...a) => problems.push(a.join(" "));</script>"""
@@ -40,51 +29,6 @@ console.error = console.warn = (...a) => problems.push(a.join(" "));</script>"""
 
 def run(*arguments: str | Path) -> Result:
     return CliRunner().invoke(cli, [str(argument) for argument in arguments], catch_exceptions=False)
-
-
-def motion(t: np.ndarray, seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Angle, speed and acceleration of both joints, (2, N), as sums of sinusoids."""
-    rng = np.random.default_rng(seed)
-    angular = 2 * np.pi * rng.uniform(0.2, 2.0, (2, 6, 1))
-    phase = rng.uniform(0, 2 * np.pi, (2, 6, 1))
-    theta = 0.7 + 0.06 * np.sin(angular * t + phase).sum(axis=1)
-    omega = 0.06 * (angular * np.cos(angular * t + phase)).sum(axis=1)
-    return theta, omega, -0.06 * (angular**2 * np.sin(angular * t + phase)).sum(axis=1)
-
-
-def trial(name: str, seed: int, *, loaded: bool = False, sign: float = 1.0) -> Trial:
-    """15 s by [D]'s equations 1 and 11 to 13; under load M x'' + K (x - x0) = -F_ext, F_ext on the robot."""
-    t = np.arange(0, 15, 2e-3)
-    (t1, t2), (w1, w2), (d1, d2) = motion(t, seed)
-    a1, a2, a3, a4, a5 = ALPHA
-    h, c = -0.5 * a2 * np.sin(t1 - t2), 0.5 * a2 * np.cos(t1 - t2)
-    tau = np.stack([a1 * d1 + h * d2 + c * w2**2 + a4 * w1, h * d1 + a3 * d2 - c * w1**2 + a5 * w2], axis=1)
-    if loaded:
-        x = np.stack([L1 * np.cos(t1) + L2 * np.sin(t2), L1 * np.sin(t1) - L2 * np.cos(t2)], axis=1)
-        acc = np.stack(
-            [
-                -L1 * (np.cos(t1) * w1**2 + np.sin(t1) * d1) + L2 * (np.cos(t2) * d2 - np.sin(t2) * w2**2),
-                L1 * (np.cos(t1) * d1 - np.sin(t1) * w1**2) + L2 * (np.sin(t2) * d2 + np.cos(t2) * w2**2),
-            ],
-            axis=1,
-        )
-        force = MASS * acc + (x - x.mean(axis=0)) @ K  # what the robot must give
-        tau[:, 0] += -L1 * np.sin(t1) * force[:, 0] + L1 * np.cos(t1) * force[:, 1]
-        tau[:, 1] += L2 * np.cos(t2) * force[:, 0] + L2 * np.sin(t2) * force[:, 1]
-    rng = np.random.default_rng(seed + 100)
-    tau = (tau + rng.normal(0, 0.01, tau.shape)) * np.array([sign, 1.0])
-    log = RobotLog(t, np.stack([t1, t2], axis=1), tau)
-    return Trial(name, "mass-spring" if loaded else "free", "spring" if loaded else "free", log)
-
-
-def study(name: str, sign: float = 1.0) -> Study:
-    trials = (
-        trial("free_01", 1, sign=sign),
-        trial("free_02", 2, sign=sign),
-        trial("spring_01", 3, loaded=True, sign=sign),
-    )
-    setup = Setup(RobotSetup("planar-2r-absolute", (L1, L2)), session=Session(subject="P<07>", side="left"))
-    return Study(name, setup, trials)
 
 
 @pytest.fixture(scope="module")

@@ -24,7 +24,7 @@ def draw(plots: list[Plot], folder: Path) -> list[Path]:
         for plot in plots:
             figure = _figure(plot)
             for ending in ("pdf", "svg"):
-                path = folder / f"{plot.key}.{ending}"
+                path = folder / f"{plot.file_name}.{ending}"
                 # Without the date the same study gives the same file.
                 figure.savefig(path, metadata={"CreationDate": None} if ending == "pdf" else {"Date": None})
                 paths.append(path)

@@ -1,5 +1,6 @@
 """A figure as data: the page draws it as SVG that can be zoomed, `journal` as PDF or SVG for print."""
 
+import re
 from dataclasses import dataclass
 from typing import Literal
 
@@ -85,6 +86,11 @@ class Plot:
     caption: str = ""
     square: bool = False
     y_range: tuple[float, float] | None = None
+
+    @property
+    def file_name(self) -> str:
+        """The key without what some file systems forbid."""
+        return re.sub(r"[^\w.-]", "-", self.key)
 
     @property
     def drawn(self) -> tuple[Line, ...]:

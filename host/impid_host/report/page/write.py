@@ -1,7 +1,6 @@
 """Findings to one HTML file that holds everything it shows."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from importlib import resources
 
 import jinja2
@@ -24,24 +23,8 @@ from impid_host.report.page.residual_plots import (
     residual_plots,
     signature_plots,
 )
+from impid_host.report.page.section import Section
 from impid_host.report.page.svg import svg, swatch
-from impid_host.report.page.tables import PageTable
-
-
-@dataclass(frozen=True, slots=True)
-class Section:
-    """A part of the page.
-
-    Attributes:
-        name: the heading; about: how to read it; shut: folded until asked for (print opens it).
-    """
-
-    name: str
-    about: str
-    tables: tuple[PageTable, ...] = ()
-    plots: tuple[Plot, ...] = ()
-    words: tuple[str, ...] = ()
-    shut: bool = False
 
 
 def write_page(everything: Sequence[Findings], command: Sequence[str], extra: Sequence[Section] = ()) -> str:
