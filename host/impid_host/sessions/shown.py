@@ -41,7 +41,7 @@ def comparison_table(series: Sequence[Series]) -> Table:
         "unit",
         "",
     ):
-        table.add_column(head, justify="left" if head in ("quantity", "from", "to", "unit", "") else "right")
+        table.add_column(head, justify="left" if head in ("quantity", "unit", "") else "right")
     for own in series:
         for change in own.changes:
             mark = "" if change.first.trusted and change.later.trusted else _MARK
@@ -155,11 +155,19 @@ def _over_time(own: Series) -> Plot:
         y += [row.value - half, row.value + half, np.nan]
     days = np.array([at[one.date] for one in own.occasions])
     means = np.array([one.value for one in own.occasions])
+    at_each = np.array([at[row.date or f"study {row.study}"] for row in own.rows])
     dated = all(row.date for row in own.rows)
     repeats = own.repeatability
     lines = [
         Line(days, means, "mean of each day", "second"),
-        Line(np.array(x), np.array(y), "each session, 95 % by noise", "floor"),
+        Line(np.array(x), np.array(y), "", "floor"),
+        Line(
+            at_each,
+            np.array([row.value for row in own.rows]),
+            "each session, 95 % by noise",
+            "floor",
+            dots=True,
+        ),
     ]
     if repeats is not None:
         ends = np.array([days[0], days[-1]])

@@ -240,7 +240,7 @@ def test_a_band_and_dots_are_drawn_for_print(tmp_path: Path) -> None:
     )
     paths = draw([plot], tmp_path)
     assert [path.name for path in paths] == ["k.pdf", "k.svg"]
-    assert plot.limits() == pytest.approx((0, 1, -1.15, 2.15))
+    assert plot.limits() == pytest.approx((-0.05, 1.05, -1.15, 2.15))
     assert paths[0].read_bytes() == draw([plot], tmp_path / "again")[0].read_bytes()
 
 

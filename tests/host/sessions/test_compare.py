@@ -96,8 +96,9 @@ def test_days_follow_the_calendar_and_their_bars_the_noise() -> None:
     assert own.changes[0].value == pytest.approx(1.5)
     plot = over_time([own])[0]
     assert plot.lines[0].x.tolist() == [0.0, 28.0]
-    bars = plot.lines[1]
+    bars, dots = plot.lines[1:3]
     assert bars.y[:2] == pytest.approx([3 - 1.96, 3 + 1.96])
+    assert (dots.x.tolist(), dots.y.tolist()) == ([28.0, 0.0, 0.0], [3.0, 1.0, 2.0])
 
 
 def test_a_session_is_what_its_trials_have_in_common() -> None:

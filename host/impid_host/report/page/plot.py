@@ -19,8 +19,8 @@ COLOURS: dict[Role, str] = {
 DASHES: dict[Role, tuple[float, ...]] = {
     "first": (5, 2.5),
     "second": (),
-    "third": (1.5, 2),
-    "floor": (8, 3, 2, 3),
+    "third": (8, 3, 2, 3),
+    "floor": (),
 }
 SpanKind = Literal["event", "held out"]
 # Points of a line that a page or a printed column can show; signals are low-passed far below this.
@@ -103,7 +103,8 @@ class Plot:
         y = _finite(
             [line.y for line in self.lines] + [part for band in self.bands for part in (band.low, band.high)]
         )
-        x0, x1 = _opened(float(x.min()), float(x.max()), 0.05 if self.square else 0.0)
+        aside = self.square or any(line.dots for line in self.lines)
+        x0, x1 = _opened(float(x.min()), float(x.max()), 0.05 if aside else 0.0)
         y0, y1 = self.y_range or _opened(float(y.min()), float(y.max()), 0.05)
         return x0, x1, y0, y1
 
