@@ -76,6 +76,19 @@ def gather(study: Study, progress: Progress = _silent, *, diagnosed: bool = True
     return _told(study, checks, twice, fit, answer, tuple(missing))
 
 
+def fitted(
+    study: Study, options: Options, checks: Checks, progress: Progress = _silent
+) -> tuple[StudyFit, Agreement, Checks]:
+    """A fit, what was measured twice, and `checks` with what physics and the second measurement say of it.
+
+    Raises:
+        UndeterminedError: as `fit_study`.
+    """
+    fit = fit_study(study, options, progress)
+    twice = agreement(study, fit.loads)
+    return fit, twice, checks.with_more(gate_fit(study, fit)).with_more(twice.checks)
+
+
 def _told(
     study: Study,
     checks: Checks,

@@ -25,6 +25,7 @@ from impid_host.report.page.residual_plots import (
 )
 from impid_host.report.page.section import Section
 from impid_host.report.page.svg import svg, swatch
+from impid_host.report.page.tables import PageTable
 
 
 def write_page(everything: Sequence[Findings], command: Sequence[str], extra: Sequence[Section] = ()) -> str:
@@ -34,6 +35,23 @@ def write_page(everything: Sequence[Findings], command: Sequence[str], extra: Se
         command: that made it, for its provenance.
         extra: sections about all studies together, above them.
     """
+    environment = _environment()
+    here = resources.files("impid_host.report.page")
+    return environment.get_template("page.html.jinja").render(
+        studies=[(own, sessions(own.study), _opening(own), sections(own, command)) for own in everything],
+        extra=list(extra),
+        css=Markup((here / "page.css").read_text(encoding="utf-8")),
+        js=Markup((here / "page.js").read_text(encoding="utf-8")),
+    )
+
+
+def tables_html(parts: Sequence[PageTable]) -> str:
+    """Tables alone, for a notebook."""
+    template = _environment().get_template("table.html.jinja")
+    return "".join(str(template.module.table(part)) for part in parts)  # type: ignore[attr-defined]
+
+
+def _environment() -> jinja2.Environment:
     environment = jinja2.Environment(
         loader=jinja2.PackageLoader("impid_host.report", "page"),
         autoescape=True,
@@ -45,13 +63,7 @@ def write_page(everything: Sequence[Findings], command: Sequence[str], extra: Se
         "svg": lambda plot: Markup(svg(plot)),
         "swatch": lambda line: Markup(swatch(line)),
     }
-    here = resources.files("impid_host.report.page")
-    return environment.get_template("page.html.jinja").render(
-        studies=[(own, sessions(own.study), _opening(own), sections(own, command)) for own in everything],
-        extra=list(extra),
-        css=Markup((here / "page.css").read_text(encoding="utf-8")),
-        js=Markup((here / "page.js").read_text(encoding="utf-8")),
-    )
+    return environment
 
 
 def figures(findings: Findings) -> list[Plot]:
