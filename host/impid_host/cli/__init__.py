@@ -10,6 +10,8 @@ from impid_host.errors import ImpidError
 
 # name -> what it does; the module of the same name holds a click command called `command`.
 COMMANDS = {
+    "doctor": "Ports, permissions, board, versions, clock, disk: is this desk ready?",
+    "init": "Write setup.toml from a short dialogue, or from a URDF.",
     "record": "Record the sensor board (or the simulator) into an MCAP file.",
     "info": "Tell what a recording holds.",
     "device": "Talk to the board: info, self-test, calibrate, set, reset, log.",
