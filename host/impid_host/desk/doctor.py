@@ -32,6 +32,7 @@ _DAY_S = 8 * 3600.0
 _LEAST_S = 1800.0
 _LATE_MS = 20.0  # the serial driver's buffer holds 4 KiB, 250 ms of the stream
 _PINGS, _PING_EVERY_S = 20, 0.03
+_ANSWERS_S = 2.0  # waited for after the last ping
 _SELF_TEST = {number: name for name, number in choices("STATUS_HEALTH", "self_test").items()}
 _EXTRAS = {"pandas": "pandas", "pin": "urdf", "rosbags": "ros"}
 
@@ -184,7 +185,9 @@ def board(address: Address) -> Iterator[Finding]:
             for _ in range(_PINGS):
                 client.ping()
                 client.pump(_PING_EVERY_S)
-            client.pump(_PING_EVERY_S)
+            deadline = time.monotonic() + _ANSWERS_S
+            while len(exchanges.kept) < _PINGS and time.monotonic() < deadline:
+                client.pump(_PING_EVERY_S)
     except LinkError as error:
         yield Finding("board", "bad", str(error))
         return

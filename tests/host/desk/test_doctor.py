@@ -33,7 +33,7 @@ def test_a_board_on_a_terminal_and_its_clock(tmp_path: Path) -> None:
     clock = next(own for own in findings if own["what"] == "clock" and "pings" in own["words"])
     found = re.search(r"known to (\d+) us after (\d+) pings", clock["words"])
     assert found is not None
-    assert int(found[1]) < 50_000
+    assert int(found[1]) < 500_000  # half a round trip, on a computer that may be busy
     assert int(found[2]) >= 10
 
 
