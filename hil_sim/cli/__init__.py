@@ -15,6 +15,8 @@ COMMANDS = {
     "serve": "Serve the sensor board of one trial in real time.",
     "truth": "Print what a scenario hides.",
 }
+# What only `pip install impid[sim]` brings, and what a C compiler makes.
+_OF_THE_EXTRA = ("cffi", "_cffi_backend", "unicorn", "elftools", "hil_sim._native", "hil_sim._chip")
 
 
 class _LazyGroup(click.Group):
@@ -50,6 +52,15 @@ def main() -> None:
     """Run the command line; an error that the user can act on is one line and exit status 1."""
     try:
         cli(standalone_mode=True)
+    except ModuleNotFoundError as error:
+        if error.name not in _OF_THE_EXTRA:
+            raise
+        click.echo(
+            f"impid-sim: {error.name} is missing: the simulator is an extra; pip install 'impid[sim]' (where "
+            "no wheel fits this machine, that needs a C compiler)",
+            err=True,
+        )
+        sys.exit(1)
     except SimError as error:
         click.echo(f"impid-sim: {error}", err=True)
         sys.exit(1)

@@ -23,6 +23,7 @@ from impid_host.diagnosis.result import Diagnosis
 from impid_host.diagnosis.verdict import beside_checks
 from impid_host.errors import InputError
 from impid_host.example import example_parts
+from impid_host.extras import extra
 from impid_host.impedance.campaign import Options, StudyFit, default_chain
 from impid_host.impedance.force import force_series
 from impid_host.impedance.identify import RobotFit
@@ -275,7 +276,7 @@ class Fitted:
         Raises:
             InputError: there is no such trial.
             UndeterminedError: fewer joints than axes.
-            ImportError: pandas is not installed.
+            ImportError: pandas is not installed; names the extra that brings it.
         """
         aligned = {own.name: own for own in self.result.trials}
         if trial not in aligned:
@@ -446,8 +447,4 @@ def _frame(rows: Any, columns: tuple[str, ...] | None = None) -> "pd.DataFrame":
 
 
 def _pandas() -> Any:
-    try:
-        import pandas as pd  # noqa: PLC0415  (an optional extra)
-    except ImportError:
-        raise ImportError("data frames need pandas: pip install 'impid[pandas]'") from None
-    return pd
+    return extra("pandas", "a data frame")

@@ -17,6 +17,7 @@ from serial.tools import list_ports
 
 from impid_host.clock.device import ClockExchange, fit_clock
 from impid_host.errors import LinkError, UndeterminedError
+from impid_host.extras import EXTRAS, installed
 from impid_host.link.address import Address
 from impid_host.link.board_info import build_name
 from impid_host.link.client import BoardClient
@@ -34,7 +35,6 @@ _LATE_MS = 20.0  # the serial driver's buffer holds 4 KiB, 250 ms of the stream
 _PINGS, _PING_EVERY_S = 20, 0.03
 _ANSWERS_S = 2.0  # waited for after the last ping
 _SELF_TEST = {number: name for name, number in choices("STATUS_HEALTH", "self_test").items()}
-_EXTRAS = {"pandas": "pandas", "pin": "urdf", "rosbags": "ros"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,7 +98,7 @@ def versions(package: str = "impid") -> Iterator[Finding]:
         yield Finding("versions", "bad", words, f"pip install --upgrade {package}")
     else:
         yield Finding("versions", "good", f"{package} {own}, {system}")
-    without = [f"{extra} ({name})" for name, extra in _EXTRAS.items() if not _installed(name)]
+    without = [f"{extra} ({name})" for name, extra in EXTRAS.items() if not installed(name)]
     if without:
         words = f"extras that are not installed: {', '.join(without)}"
         yield Finding("versions", "good", f"{words}; pip install '{package}[NAME]' where one is needed")
