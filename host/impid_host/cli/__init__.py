@@ -31,6 +31,11 @@ COMMANDS = {
 class _LazyGroup(click.Group):
     """Imports a subcommand only when it is asked for: `--help` stays quick."""
 
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:  # noqa: ARG002
+        """The table above, word for word: click itself would import every command for its help."""
+        with formatter.section("Commands"):
+            formatter.write_dl(list(COMMANDS.items()))
+
     def list_commands(self, ctx: click.Context) -> list[str]:  # noqa: ARG002
         return list(COMMANDS)
 

@@ -8,11 +8,8 @@ from typing import TYPE_CHECKING
 import click
 from rich.console import Console
 
-from impid_host.cli.checked import IMPOSSIBLE
-from impid_host.cli.inputs import load_studies
 from impid_host.cli.report import write_text
 from impid_host.errors import UndeterminedError
-from impid_host.report.wide_console import table_console
 
 if TYPE_CHECKING:
     from impid_host.sessions.long_table import Row
@@ -63,8 +60,12 @@ def command(
       impid-host compare p07_*/ --table all.csv --figures figures/
       impid-host compare test/ retest/ --steady --json -
     """
+    from impid_host.cli.checked import IMPOSSIBLE  # noqa: PLC0415  (what follows is slow to import)
+    from impid_host.cli.inputs import load_studies  # noqa: PLC0415
+
     read = load_studies(studies)
     from impid_host.report.page.findings import gather  # noqa: PLC0415  (the catalogue is slow to import)
+    from impid_host.report.wide_console import table_console  # noqa: PLC0415
     from impid_host.sessions.change import compare  # noqa: PLC0415
     from impid_host.sessions.long_table import rows_of, write_table  # noqa: PLC0415
     from impid_host.sessions.shown import (  # noqa: PLC0415

@@ -6,8 +6,6 @@ from pathlib import Path
 import click
 from rich.console import Console
 
-from impid_host.cli.checked import IMPOSSIBLE
-from impid_host.cli.inputs import load_studies
 from impid_host.errors import InputError
 
 
@@ -45,6 +43,9 @@ def command(studies: tuple[Path, ...], out: Path, figures: Path | None, diagnose
       impid-host report study/ --out report.html --figures figures/
       impid-host report monday/ tuesday/ --out both.html
     """
+    from impid_host.cli.checked import IMPOSSIBLE  # noqa: PLC0415  (what follows is slow to import)
+    from impid_host.cli.inputs import load_studies  # noqa: PLC0415
+
     read = load_studies(studies)
     from impid_host.report.page.findings import gather  # noqa: PLC0415  (the catalogue is slow to import)
     from impid_host.report.page.write import figures as plots_of  # noqa: PLC0415
