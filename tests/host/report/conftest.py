@@ -1,6 +1,7 @@
-"""The browser of the view's tests."""
+"""The small study of these tests, and the browser of the view's."""
 
 import sys
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).parents[1] / "view"))
+HERE = Path(__file__).parent
+sys.path[:0] = [str(HERE), str(HERE.parent / "view")]
