@@ -23,7 +23,7 @@ def stage_name(stage: Stage) -> str:
 def stage_table(diagnosis: Diagnosis) -> Table:
     """Error on held-out data, stage by stage."""
     keys = list(diagnosis.stages[0].rms)
-    heads = [f"{key} ({channel_unit(key, diagnosis.prismatic)})" for key in keys]
+    heads = [_numbers(f"{key} ({channel_unit(key, diagnosis.prismatic)})") for key in keys]
     title = f"{diagnosis.study}: rms and VAF on held-out data"
     table = Table(Column("model", no_wrap=True), *heads, title=title, title_justify="left")
     for number, stage in enumerate(diagnosis.stages):
@@ -39,11 +39,15 @@ def stage_table(diagnosis: Diagnosis) -> Table:
     return table
 
 
+def _numbers(head: str) -> Column:
+    """A column of numbers: to the right, so that they are marked where they are not to be trusted."""
+    return Column(head, justify="right")
+
+
 def effect_table(diagnosis: Diagnosis) -> Table:
     """What was found, with intervals, evidence and the runner-up."""
-    table = Table(
-        "effect", "parameters", "explains", "predicts better by", "sure", "runner-up", title_justify="left"
-    )
+    heads = ("parameters", "explains", "predicts better by", "sure", "runner-up")
+    table = Table("effect", *map(_numbers, heads), title_justify="left")
     for stage in diagnosis.stages[1:]:
         found = stage.added
         assert found is not None
@@ -70,7 +74,7 @@ def effect_table(diagnosis: Diagnosis) -> Table:
 def parameter_table(diagnosis: Diagnosis) -> Table:
     """What would have been reported without the effects, and what is with them, entry by entry."""
     names = ["would have been reported" if s.added is None else stage_name(s) for s in diagnosis.stages]
-    columns = [*names, "change"]
+    columns = [_numbers(head) for head in (*names, "change")]
     title = "robot and loads by the first model and with what was found (95 % intervals)"
     table = Table("", *columns, title=title, title_justify="left")
     rows = [{entry.label: entry for entry in entries_of(stage)} for stage in diagnosis.stages]

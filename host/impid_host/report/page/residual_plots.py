@@ -38,12 +38,20 @@ def residual_plots(diagnosis: Diagnosis) -> list[Plot]:
 
 def _residual(diagnosis: Diagnosis, trace: Trace, first: str) -> Plot:
     unit = channel_unit(trace.channel, diagnosis.prismatic)
-    lines = [Line(*broken(trace.t, trace.before), f"before: {first}", "first")]
-    if len(diagnosis.stages) > 1:
-        lines.append(Line(*broken(trace.t, trace.after), "after: with what was found", "second"))
+    changed = len(diagnosis.stages) > 1
+    if changed:
+        lines = [
+            Line(*broken(trace.t, trace.before), f"before: {first}", "first"),
+            Line(*broken(trace.t, trace.after), "after: with what was found", "second"),
+        ]
+    else:
+        lines = [Line(*broken(trace.t, trace.before), f"left by the {first}", "second")]
     events = event_spans(diagnosis.notes, trace.trial)
     level = diagnosis.floor.get(trace.channel)
-    words = f"noise floor {level:.2g} {unit} rms" if level is not None else "noise floor unknown"
+    words = [f"rms {_rms(trace.before):.2g}" + (f" before, {_rms(trace.after):.2g} after" if changed else "")]
+    words.append(f"noise floor {level:.2g} {unit} rms" if level is not None else "noise floor unknown")
+    if trace.held_out.all():
+        words.append("the whole trial was held out")
     return Plot(
         key=f"residual_{trace.trial}_{trace.channel}",
         title=f"{trace.trial}: residual of {trace.channel}",
@@ -51,7 +59,7 @@ def _residual(diagnosis: Diagnosis, trace: Trace, first: str) -> Plot:
         y_label=f"{trace.channel} ({unit})",
         lines=tuple(lines),
         spans=(*held_out(trace.t, trace.held_out), *events),
-        caption=f"rms {_rms(trace.before):.2g} before, {_rms(trace.after):.2g} after; {words}",
+        caption="; ".join(words),
     )
 
 
