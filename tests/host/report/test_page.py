@@ -224,7 +224,7 @@ def test_events_are_marked_in_their_trial_over_its_whole_length() -> None:
     assert [(s.kind, s.low) for s in plot.spans] == [("held out", pytest.approx(15.01)), ("event", 6.0)]
     assert [line.name for line in plot.lines] == ["before: papers' model", "after: with what was found"]
     assert plot.limits()[:2] == pytest.approx((0.0, 20.0), abs=0.02)
-    assert plot.caption == "rms 0.69 before, 0.069 after; noise floor 0.05 N m rms"
+    assert plot.caption == "rms 0.7 before, 0.07 after; noise floor 0.05 N m rms"
     one = diagnosis(notes)
     (alone,) = residual_plots(replace(one, stages=one.stages[:1]))
     assert [line.name for line in alone.lines] == ["left by the papers' model"]
