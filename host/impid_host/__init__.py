@@ -22,16 +22,8 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from impid_host.checks import Checks
     from impid_host.errors import ImpidError, InputError, UndeterminedError
-    from impid_host.front import (
-        Diagnosed,
-        Fitted,
-        Study,
-        check,
-        diagnose,
-        example_study,
-        fit,
-        read_study,
-    )
+    from impid_host.front import Study, check, diagnose, example_study, fit, read_study
+    from impid_host.results import Diagnosed, Fitted
 
 __version__ = version("impid")
 __all__ = [
@@ -51,6 +43,8 @@ __all__ = [
 ]
 _FROM = {
     "Checks": "impid_host.checks",
+    "Diagnosed": "impid_host.results",
+    "Fitted": "impid_host.results",
     "ImpidError": "impid_host.errors",
     "InputError": "impid_host.errors",
     "UndeterminedError": "impid_host.errors",

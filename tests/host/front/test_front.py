@@ -10,7 +10,7 @@ import impid_host
 import numpy as np
 import pytest
 from click.testing import CliRunner
-from impid_host import front
+from impid_host import front, results
 from impid_host.cli import cli
 from impid_host.example import K_N_PER_M, MASS_KG
 from impid_host.study.folder import write_study
@@ -22,7 +22,7 @@ def fitted() -> impid_host.Fitted:
     return impid_host.example_study().fit()
 
 
-@pytest.mark.parametrize("module", [impid_host, front], ids=lambda module: module.__name__)
+@pytest.mark.parametrize("module", [impid_host, front, results], ids=lambda module: module.__name__)
 def test_the_examples_of_the_documentation(module) -> None:
     outcome = doctest.testmod(module)
     assert outcome.attempted >= 6
@@ -34,7 +34,7 @@ def test_everything_public_is_there_and_says_what_it_is() -> None:
         own = getattr(impid_host, name)
         assert name in dir(impid_host)
         assert name == "__version__" or inspect.getdoc(own), name
-    for kind in (front.Study, front.Fitted, front.Diagnosed):
+    for kind in (front.Study, results.Fitted, results.Diagnosed):
         for name, member in inspect.getmembers(kind):
             if not name.startswith("_") and (inspect.isfunction(member) or isinstance(member, property)):
                 assert inspect.getdoc(member), f"{kind.__name__}.{name}"
