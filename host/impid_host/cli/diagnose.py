@@ -22,6 +22,7 @@ from impid_host.report.check_tables import print_above, print_below, with_marks
 from impid_host.report.diagnosis_json import diagnosis_json
 from impid_host.report.diagnosis_tables import effect_table, parameter_table, stage_table
 from impid_host.report.diagnosis_units import structure_words
+from impid_host.report.sessions_json import sessions_json
 from impid_host.report.wide_console import table_console
 
 
@@ -86,7 +87,7 @@ def command(
     if save_model is not None:
         write_model(answer, read, save_model)
     if json_to is not None:
-        text = json.dumps(diagnosis_json(answer, checks), indent=2, allow_nan=False)
+        text = json.dumps(diagnosis_json(answer, checks) | sessions_json(read), indent=2, allow_nan=False)
         if json_to == "-":
             click.echo(text)
         else:

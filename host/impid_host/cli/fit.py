@@ -26,6 +26,7 @@ from impid_host.report.check_tables import agreement_table, print_above, print_b
 from impid_host.report.fit_json import Json, fit_json
 from impid_host.report.fit_page import print_fit
 from impid_host.report.reflex_report import reflex_json, reflex_table
+from impid_host.report.sessions_json import sessions_json
 from impid_host.report.wide_console import table_console
 from impid_host.robot.terms import TERMS
 from impid_host.signals.chain import CHAINS, DEFAULT, Chain
@@ -183,7 +184,7 @@ def command(
         if drawn is not None:
             click.echo(drawn)
     if json_to is not None:
-        _write(json.dumps(_document(answer, extras), indent=2), json_to)
+        _write(json.dumps(_document(answer, extras) | sessions_json(study), indent=2), json_to)
     if answer.checks.impossible:
         raise SystemExit(IMPOSSIBLE)
 
