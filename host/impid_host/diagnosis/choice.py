@@ -137,7 +137,7 @@ def _adequate(case: Case, found: Found, pushed: tuple[Event, ...]) -> Choice:
     table = walk.table
     named = [s for s in best.slots if table.term(s).named]
     unnamed = [s for s in best.slots if not table.term(s).named]
-    kept = believable(table, named, unnamed, case.views[0].report_hz)
+    kept = believable(table, named, case.views[0].report_hz)
     # Of what these data cannot tell apart one may be right although none is likely by itself.
     groups = {own.slot: (own.slot, *own.others) for own in rivals(walk, best)}
     kept = [s for s in kept if probability(walk, groups[s]) > walk.rules.probable]
