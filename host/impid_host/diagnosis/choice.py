@@ -30,7 +30,7 @@ class Choice:
         case: without the events in its fit part.
         best: the set, of the walk's table; named, unnamed: its slots.
         left: what has no name; pushed: stretches that the fit part does without.
-        rejected: labels of names beside which too much is left, or that are less likely than not.
+        rejected: labels of names beside which too much is left, or that are not likely.
     """
 
     case: Case
@@ -140,7 +140,7 @@ def _adequate(case: Case, found: Found, pushed: tuple[Event, ...]) -> Choice:
     kept = believable(table, named, case.views[0].report_hz)
     # Of what these data cannot tell apart one may be right although none is likely by itself.
     groups = {own.slot: (own.slot, *own.others) for own in rivals(walk, best)}
-    kept = [s for s in kept if probability(walk, groups[s]) > walk.rules.probable]
+    kept = [s for s in kept if probability(walk, groups[s]) > walk.rules.likely]
     rejected = tuple(table.term(s).label for s in named if s not in kept)
     if rejected:
         best = walk.score(tuple(s for s in best.slots if s in kept or s in unnamed))
