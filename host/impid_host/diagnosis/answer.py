@@ -29,7 +29,7 @@ def answer(judged: Judged, bench: Bench, study: Study) -> Diagnosis:
     told = floor_of(choice, judged.last, left, study)
     floor = {key: told.value(key) for key in stages[-1].rms}
     above = above_floor(stages[-1], floor, left)
-    if above and (left or choice.rejected):
+    if above and left:
         stages = (*stages[:-1], widened(stages[-1], floor))
     units = {key: _unit(key, case.base.model) for key in floor}
     return Diagnosis(
@@ -98,9 +98,6 @@ def notes_of(choice: Choice, fit: Refit, last: Stage, study: Study) -> list[str]
     words = [f"{event.words}: left out of the fit" for event in choice.pushed]
     sealed = events_in_sealed(case, fit, choice.table.noise.taps)
     words += [f"{event.words}: it is in the error on data that took no part" for event in sealed]
-    words += [
-        f"what is left resembles {label} no more than it resembles other things" for label in choice.rejected
-    ]
     words += unlike_its_model(last)
     if all(view.measured is None for view in case.views):
         words.append("no accelerometer: accelerations come from the angles, and its faults cannot be seen")

@@ -8,7 +8,7 @@ from impid_host.diagnosis.case import Case, Progress, informed, silent, tabulate
 from impid_host.diagnosis.confidence import confidence_of
 from impid_host.diagnosis.correct import corrected
 from impid_host.diagnosis.events import Event, events
-from impid_host.diagnosis.leftover import changes, left_over
+from impid_host.diagnosis.leftover import changes, left_over, resemblance
 from impid_host.diagnosis.refit import Refit, refit
 from impid_host.diagnosis.result import Chosen, Evidence, Rival, Structure
 from impid_host.diagnosis.score import Explanation, difference
@@ -31,7 +31,8 @@ class Choice:
         case: without the events in its fit part.
         best: the set, of the walk's table; named, unnamed: its slots.
         left: what has no name; pushed: stretches that the fit part does without.
-        rejected: labels of names beside which too much is left, or that are not likely.
+        resembled: names beside which too much is left, or that are not likely, with their values: they may
+            serve prediction, and are no cause.
     """
 
     case: Case
@@ -41,7 +42,7 @@ class Choice:
     unnamed: tuple[int, ...]
     left: tuple[Structure, ...]
     pushed: tuple[Event, ...]
-    rejected: tuple[str, ...] = ()
+    resembled: tuple[Chosen, ...] = ()
 
     @property
     def table(self) -> Table:
@@ -155,12 +156,15 @@ def _adequate(case: Case, found: Found, pushed: tuple[Event, ...]) -> Choice:
     # Of what these data cannot tell apart one may be right although none is likely by itself.
     groups = {own.slot: (own.slot, *own.others) for own in rivals(walk, best)}
     kept = [s for s in kept if probability(walk, groups[s]) > walk.rules.likely]
-    rejected = tuple(table.term(s).label for s in named if s not in kept)
+    values = dict(zip(best.slots, chosen_slots(table, best), strict=True))
+    rejected = [s for s in named if s not in kept]
+    alike = [resemblance(table, named, s) for s in rejected]
     if rejected:
         best = walk.score(tuple(s for s in best.slots if s in kept or s in unnamed))
         unnamed = [s for s in best.slots if not table.term(s).named]
-    left = left_over(table, kept, unnamed, case.fit_views)
-    return Choice(case, walk, best, tuple(kept), tuple(unnamed), left, pushed, rejected)
+    left = (*left_over(table, kept, unnamed, case.fit_views), *alike)
+    resembled = tuple(values[s] for s in rejected)
+    return Choice(case, walk, best, tuple(kept), tuple(unnamed), left, pushed, resembled)
 
 
 def probability(walk: Walk, slots: Sequence[int]) -> float:

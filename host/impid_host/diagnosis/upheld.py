@@ -87,19 +87,24 @@ def _evidence(choice: Choice, slots: Sequence[int]) -> list[Evidence]:
 
 
 def with_last_stage(judged: Judged, bench: Bench) -> Judged:
-    """A last stage for what has no known cause, or has several: curves, and names that a tie leaves open."""
-    left, opened, stages = judged.left, judged.opened, judged.stages
-    if not left and not opened:
+    """A last stage for what has no known cause, or has several, of as much as the sealed part upholds.
+
+    Names that a tie leaves open stand in it always; names that are no cause, and curves, as far as they serve
+    prediction.
+    """
+    choice, left, stages = judged.choice, judged.left, judged.stages
+    if not left and not judged.opened:
         return judged
     on = [row.on for row in left] or list(stages[0].rms)
-    unnamed = [part for s, part in _parts(judged.choice).items() if s in judged.choice.unnamed]
-    curves = curves_beside(bench.case, [part for part in unnamed if carries_over(part)], bench.taps)
+    unnamed = [part for s, part in _parts(choice).items() if s in choice.unnamed]
+    curves = tuple(curves_beside(bench.case, [part for part in unnamed if carries_over(part)], bench.taps))
     evidence = replace(_NO_NAME, share_of_residual=min(1.0, sum(row.share for row in left)))
-    fit = bench.fit([*judged.last.chosen, *opened, *curves])
-    stage = bench.stage(fit, unattributed(on, curves, evidence))
-    if curves and worse(stage.rms, stages[-1].rms):
-        fit = bench.fit([*judged.last.chosen, *opened])
-        stage = bench.stage(fit, unattributed(on, [], evidence))
+    tried = [(*choice.resembled, *curves), curves, ()] if choice.resembled else [curves, ()]
+    for more in tried:
+        fit = bench.fit([*judged.last.chosen, *judged.opened, *more])
+        stage = bench.stage(fit, unattributed(on, more, evidence))
+        if not more or not worse(stage.rms, stages[-1].rms):
+            break
     return replace(judged, stages=(*stages, stage), last=fit)
 
 
