@@ -23,6 +23,7 @@ PAGES = {
     "firmware/boards/nucleo_f446re/README.md": "nucleo_f446re.md",
 }
 _LINK = re.compile(r"(!?)\[([^\]\n]*)\]\(([^)\s]+)\)")
+_FETCHED = "https://unpkg.com/iframe-worker/shim"
 _FENCE = re.compile(r"^(```.*?^```)", re.MULTILINE | re.DOTALL)
 
 
@@ -47,6 +48,17 @@ def on_page_markdown(markdown: str, page: Any, **_rest: Any) -> str:
     source = next((file for file, made in PAGES.items() if made == name), f"docs/{name}")
     parts = _FENCE.split(markdown)
     return "".join(part if part.startswith("```") else relinked(part, source, name) for part in parts)
+
+
+def on_post_page(output: str, page: Any, **_rest: Any) -> str:
+    """The one script that the theme would fetch comes from docs/js/."""
+    here = Path(page.file.src_uri).parent
+    return output.replace(_FETCHED, Path(os.path.relpath("js/iframe-worker.js", here)).as_posix())
+
+
+def on_post_template(output_content: str, **_rest: Any) -> str:
+    """As for pages; the page of errors stands at the top."""
+    return output_content.replace(_FETCHED, "js/iframe-worker.js")
 
 
 def relinked(text: str, source: str, page: str) -> str:
@@ -84,7 +96,11 @@ def _command(path: str, command: click.Command, parent: click.Context | None, le
         for name in command.list_commands(context):
             part = command.get_command(context, name)
             assert part is not None
-            lines += [f"{'#' * level} {path} {name}", "", *_command(f"{path} {name}", part, context, level + 1)]
+            lines += [
+                f"{'#' * level} {path} {name}",
+                "",
+                *_command(f"{path} {name}", part, context, level + 1),
+            ]
     return lines
 
 
@@ -121,7 +137,12 @@ def picture_link(picture: str) -> str:
 def messages_page() -> str:
     """Every message of protocol/impid.dbc."""
     messages: Any = cantools.database.load_file(ROOT / "protocol" / "impid.dbc")
-    lines = ["# Messages", "", "Made from `protocol/impid.dbc`; [the protocol](../protocol.md) says what they mean.", ""]
+    lines = [
+        "# Messages",
+        "",
+        "Made from `protocol/impid.dbc`; [the protocol](../protocol.md) says what they mean.",
+        "",
+    ]
     for message in sorted(messages.messages, key=lambda each: each.frame_id):
         lines += [f"## {message.name}", "", f"Identifier 0x{message.frame_id:03X}, {message.length} bytes."]
         lines += [f" {message.comment}"] if message.comment else []

@@ -16,7 +16,9 @@ class Examples(griffe.Extension):
 
 def fenced(text: str) -> str:
     """Paragraphs of a docstring that are doctests, in fences."""
-    return "\n\n".join(_fence(part) if part.lstrip().startswith(">>>") else part for part in text.split("\n\n"))
+    return "\n\n".join(
+        _fence(part) if part.lstrip().startswith(">>>") else part for part in text.split("\n\n")
+    )
 
 
 def _fence(example: str) -> str:

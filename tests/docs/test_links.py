@@ -47,7 +47,9 @@ def test_links_lead_somewhere(page: Path) -> None:
 def test_broken_links_are_found(tmp_path: Path) -> None:
     (tmp_path / "there.md").write_text("# A heading, with *signs*: 1.5\n")
     page = tmp_path / "page.md"
-    text = "[a](there.md) [b](there.md#a-heading-with-signs-15) [c](gone.md) [d](there.md#gone) `[e](gone.md)`"
+    text = (
+        "[a](there.md) [b](there.md#a-heading-with-signs-15) [c](gone.md) [d](there.md#gone) `[e](gone.md)`"
+    )
     assert broken(page, text) == ["gone.md", "there.md#gone"]
 
 

@@ -26,7 +26,9 @@ PROGRAMS = {"impid-host": cli, "impid-sim": simulator}
 
 
 def _load() -> ModuleType:
-    spec = importlib.util.spec_from_file_location("printed_commands", ROOT / "scripts" / "printed_commands.py")
+    spec = importlib.util.spec_from_file_location(
+        "printed_commands", ROOT / "scripts" / "printed_commands.py"
+    )
     assert spec is not None and spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     sys.modules[spec.name] = module
@@ -65,7 +67,9 @@ def test_lines_that_were_not_printed_are_found() -> None:
 def test_every_line_that_begins_with_a_program_is_marked() -> None:
     marked = {shlex.join(command) for step in printed_commands.steps(TUTORIAL) for command in step.commands}
     blocks = re.findall(r"^```sh\n(.*?)^```", TUTORIAL.read_text(encoding="utf-8"), re.DOTALL | re.MULTILINE)
-    printed = {shlex.join(shlex.split(line, comments=True)) for block in blocks for line in block.splitlines()}
+    printed = {
+        shlex.join(shlex.split(line, comments=True)) for block in blocks for line in block.splitlines()
+    }
     assert printed == marked
     assert {step.kind for step in printed_commands.steps(TUTORIAL)} == {"quick", "slow", "board", "measured"}
 
