@@ -2,8 +2,8 @@
 
     python scripts/docs_figures.py [FOLDER]
 
-The commands run in FOLDER, or in a temporary one. The figures are those that the commands write, made smaller; they
-go to docs/img/tutorial/. Only simulated ones: measured data are other people's.
+The commands run in FOLDER, or in a temporary one. The figures are those that the commands write, made
+smaller; they go to docs/img/tutorial/. Only simulated ones: measured data are other people's.
 """
 
 import subprocess

@@ -1,8 +1,8 @@
 """The commands that a page of documentation prints, and what it says that they print.
 
-A fenced block of `sh` after a line `<!-- runs: KIND -->` holds commands of one kind: `quick`, `slow`, `board` (needs
-one, or the simulator's) or `measured` (needs measured data). A block of `text` right after it is their output, with
-`...` for what was left out.
+A fenced block of `sh` after a line `<!-- runs: KIND -->` holds commands of one kind: `quick`, `slow`, `board`
+(needs one, or the simulator's) or `measured` (needs measured data). A block of `text` right after it is their
+output, with `...` for what was left out.
 """
 
 import re

@@ -32,9 +32,7 @@ def broken(page: Path, text: str) -> list[str]:
             continue
         path, _, anchor = target.partition("#")
         aim = (page.parent / path).resolve() if path else page
-        if not aim.exists():
-            wrong.append(target)
-        elif anchor and anchor not in headings(aim.read_text(encoding="utf-8")):
+        if not aim.exists() or (anchor and anchor not in headings(aim.read_text(encoding="utf-8"))):
             wrong.append(target)
     return wrong
 

@@ -1,4 +1,4 @@
-"""What the site (`make docs`) has beside docs/: pages of other folders, and reference pages made from the code.
+"""What the site (`make docs`) has beside docs/: pages of other folders, and pages made from the code.
 
 mkdocs calls the functions whose names begin with `on_`. Links are written as they work in the repository; one
 that leaves the site is turned into plain text.
@@ -89,7 +89,9 @@ def commands_page() -> str:
 
 
 def _command(path: str, command: click.Command, parent: click.Context | None, level: int) -> list[str]:
-    context = click.Context(command, info_name=path if parent is None else path.split()[-1], parent=parent)
+    context = click.Context(
+        command, info_name=path if parent is None else path.rpartition(" ")[2], parent=parent
+    )
     context.max_content_width = context.terminal_width = 100
     lines = ["```text", command.get_help(context).rstrip(), "```", ""]
     if isinstance(command, click.Group):
@@ -111,8 +113,8 @@ def effects_page() -> str:
     lines = [
         "# Effects",
         "",
-        "What `diagnose` can name. In the pictures: what the first model leaves without the effect (grey) and with it",
-        "(blue), drawn against the cause.",
+        "What `diagnose` can name. In the pictures: what the first model leaves without the effect",
+        "(grey) and with it (blue), drawn against the cause.",
         "",
     ]
     for effect in CATALOGUE.values():
