@@ -1,4 +1,4 @@
-"""What a record has for itself is found anew in it: constant torques and a drift of its own, put in exactly."""
+"""What a record has for itself is found anew in it: constant torques and a drift, put in exactly."""
 
 from dataclasses import replace
 
@@ -91,7 +91,9 @@ def test_a_model_without_constants_and_own_effects_is_left_as_it_is() -> None:
     assert (present, words) == ([], [])
 
 
-def saved(effect: str, *where: str, own: tuple[str, ...] = (), variant: str = "", size: int = 1) -> SavedEffect:
+def saved(
+    effect: str, *where: str, own: tuple[str, ...] = (), variant: str = "", size: int = 1
+) -> SavedEffect:
     return SavedEffect(effect, where, variant, "all", own, 0.0, np.full(size, 0.5), np.eye(size))
 
 

@@ -1,4 +1,4 @@
-"""The robot behind a study's loads: from free trials, from what a force sensor leaves of loads, or a prior."""
+"""The robot behind the loads: from free trials, from what a force sensor leaves of loads, or a prior."""
 
 from dataclasses import replace
 

@@ -28,9 +28,7 @@ COVARIANCE = ROOT @ ROOT.T
 
 
 def estimate(value: np.ndarray) -> Estimate:
-    return Estimate(
-        ("m", "b"), ("kg", "N*s/m"), value, OWN, np.zeros((0, 2, 2)), 100, np.ones(1), 1.0, (0,)
-    )
+    return Estimate(("m", "b"), ("kg", "N*s/m"), value, OWN, np.zeros((0, 2, 2)), 100, np.ones(1), 1.0, (0,))
 
 
 def parameters(chosen: Sequence[Chosen]) -> np.ndarray:

@@ -217,9 +217,7 @@ def test_what_was_saved_comes_back_with_its_values_and_nothing_else(hand: Study)
     assert own.beta.tolist() == [4.0, -2.4]
     elsewhere = fit_with_model(hand, known_spring(4.0, 0.3, where="joint2"), Options(), lambda _words: None)
     assert elsewhere.effects == ()
-    assert elsewhere.provenance.left_out == (
-        "elastic.joint@joint2: this study's instruments do not show it",
-    )
+    assert elsewhere.provenance.left_out == ("elastic.joint@joint2: this study's instruments do not show it",)
 
 
 def test_an_effect_of_a_load_goes_with_the_load_and_its_trials() -> None:

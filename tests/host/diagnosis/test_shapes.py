@@ -1,4 +1,4 @@
-"""A known curve put on a channel comes back as a shape: within its band, and with its share of the squares."""
+"""A known curve on a channel comes back as a shape: within its band, with its share of the squares."""
 
 from dataclasses import replace
 
@@ -97,7 +97,9 @@ def test_the_share_is_the_ratio_of_the_squares() -> None:
 
 
 def test_a_second_curve_has_its_share_of_what_the_first_leaves() -> None:
-    rows = Rows([curve("tau1", "theta1", size=SIZE), curve("tau1", "time", size=SIZE)], trials=TRIALS, count=COUNT)
+    rows = Rows(
+        [curve("tau1", "theta1", size=SIZE), curve("tau1", "time", size=SIZE)], trials=TRIALS, count=COUNT
+    )
     t = VIEWS[0].t
     rows.made[CURVE, 0.0] = np.stack([splines(view.theta[:, 0], LOW, HIGH) for view in VIEWS])[None]
     slow = splines(t, *np.percentile(t, [0.2, 99.8]))

@@ -1,7 +1,6 @@
-"""A tolerance of a length in K's interval, against whole fits of the study with the length declared otherwise."""
+"""A length's tolerance in K's interval, against whole fits with the length declared otherwise."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
