@@ -27,8 +27,8 @@ def as_means(log: RobotLog, sensor: ForceSensor) -> RobotLog:
     """The log with its force as a mean over each row's period, by whichever `[force_sensor] timing`."""
     if sensor.timing == "mean" or log.force is None or len(log) < _FEWEST_ROWS:
         return log
-    known: Mask = np.isfinite(log.force).all(axis=1)
-    first = known & first_of_reading(log.force)
+    known = np.asarray(np.isfinite(log.force).all(axis=1))
+    first: Mask = known & first_of_reading(log.force)
     if first.sum() < _FEWEST_ROWS // 4:
         return log
     t, force = log.t[first], log.force[first]
