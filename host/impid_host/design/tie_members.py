@@ -6,6 +6,7 @@ another period) the one that the study supports best stands for it.
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations
 
 import numpy as np
 
@@ -30,8 +31,8 @@ class Tied:
     """One tie.
 
     Attributes:
-        labels: of its members; pairs: those of them that a trial could tell apart, that is all but what one
-            holds of another by its equation.
+        labels: of its members; pairs: those of them that a trial could tell apart. What a member holds of
+            others by its equation is beside it in every trial, and is in no pair.
     """
 
     labels: tuple[str, ...]
@@ -97,12 +98,9 @@ def _tied(labels: Sequence[str], chosen: dict[str, Chosen], fits: dict[str, Memb
     """All pairs of the labelled; of one alone, whether it is there."""
     if len(labels) == 1:
         return Tied(tuple(labels), ((fits[labels[0]], plainly),))
-    pairs = [
-        (fits[one], fits[other])
-        for k, one in enumerate(labels)
-        for other in labels[k + 1 :]
-        if other not in chosen[one].term.holds and one not in chosen[other].term.holds
-    ]
+    held = {name for label in labels for name in chosen[label].term.holds}
+    told = [label for label in labels if label not in held]
+    pairs = [(fits[one], fits[other]) for one, other in combinations(told, 2)]
     return Tied(tuple(labels), tuple(pairs))
 
 

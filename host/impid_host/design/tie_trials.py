@@ -173,7 +173,7 @@ def _nats(study: Study, at: Known, plan: Planned) -> tuple[float, ...]:
         runs.append(payload_run(base, masses, study.setup.tolerance.payload_kg))
     if plan.candidate.motion is not None:
         view = _view(at, plan)
-        holdout = hold_out([*at.case.views, view])
+        holdout = hold_out([view, *at.case.views])
         runs += whitened(rows_of(view, base, at.slots, holdout), at.taps)
     fresh = design_of(runs, at.slots)
     assert fresh.shape[1] == at.rows.shape[1] >= size
