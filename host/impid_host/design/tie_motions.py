@@ -13,6 +13,7 @@ from impid_host.signals.arrays import Floats
 
 _FADE_S = 2.0
 _TRIED = 2
+_WITHIN = 0.995  # a multisine is scaled by its samples, between which it goes a little further
 _SLOWER = (1.0, 0.7, 0.5, 0.3)
 
 
@@ -135,7 +136,15 @@ def sinusoids(model: RobotModel, usual: Usual, limits: Limits) -> Motion:
         UndeterminedError: not even slowly.
     """
     period_s = limits.duration_s - 2 * _FADE_S
-    plan = Plan(usual.centre, usual.range_rad, period_s, 1, _FADE_S, limits.rate_hz, speed_limit=limits.speed)
+    plan = Plan(
+        usual.centre,
+        _WITHIN * usual.range_rad,
+        period_s,
+        1,
+        _FADE_S,
+        limits.rate_hz,
+        speed_limit=limits.speed,
+    )
     for slower in _SLOWER:
         choose = low_crest_multisine(period_s, slower * usual.upper_hz)
         try:
