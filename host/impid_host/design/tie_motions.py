@@ -13,7 +13,7 @@ from impid_host.signals.arrays import Floats
 
 _FADE_S = 2.0
 _TRIED = 2
-_WITHIN = 0.995  # a multisine is scaled by its samples, between which it goes a little further
+_WITHIN = 0.985  # a multisine is scaled by its samples, between which it goes a little further
 _SLOWER = (1.0, 0.7, 0.5, 0.3)
 
 
@@ -185,7 +185,7 @@ def _visits(
     stops = [np.zeros(joints)]
     # A quintic's highest speed is 15/8 of its mean.
     move_s = max(move_s, 1.875 * float(np.max(wide / limits.speed)))
-    count = max(int((limits.duration_s - move_s) / (move_s + rest_s)), 2)
+    count = max(int(limits.duration_s / (move_s + rest_s)) - 1, 2)
     for k in range(count):
         row = k % len(places)
         unit = np.resize(places[row], joints) * sizes[row]
