@@ -63,7 +63,7 @@ def run(out: Path, first_seed: int, ties: int, seconds: float) -> None:
     found, seed = 0, first_seed
     with out.open("w", encoding="utf-8") as file:
         while found < ties and _spent_s() < seconds:
-            line = _laboratory(seed, *FAMILIES[(seed - first_seed) % len(FAMILIES)])
+            line = _laboratory(seed, *FAMILIES[seed % len(FAMILIES)])
             found += line["outcome"] not in ("no tie", "error")
             file.write(json.dumps(line) + "\n")
             file.flush()
@@ -201,13 +201,14 @@ def table(lines: Path, markdown: Path) -> None:
 
 def page(rows: list[Json]) -> str:
     """Counts over all ties, and a line for each of them."""
+    rows = sorted(rows, key=lambda row: row["seed"])
     count = Counter(row["outcome"] for row in rows)
     tied = [row for row in rows if row["outcome"] not in ("no tie", "error")]
     tried = [row for row in tied if row["outcome"] != "refused"]
     share = f"{100 * count['resolved'] / len(tried):.0f} %" if tried else "none"
     of_all = f"{100 * count['resolved'] / len(tied):.0f} %" if tied else "none"
     met = bool(tied) and count["resolved"] >= 0.9 * len(tied)
-    seeds = f"{rows[0]['seed']} to {rows[-1]['seed']}" if rows else "none"
+    seeds = ", ".join(str(row["seed"]) for row in rows) or "none"
     lines = [
         "# The trial that settles a tie",
         "",
