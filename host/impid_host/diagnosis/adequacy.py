@@ -1,7 +1,7 @@
 """Adequacy before belief: a name stands where it took away several times all that is left beside it.
 
 Measured in the band that is reported, in units of the noise: a name that lives on a few fast instants leaves
-what a reader looks at as it was. What unnamed structures take up is left too: it has no cause.
+what a reader looks at as it was.
 """
 
 from collections.abc import Sequence
@@ -21,23 +21,22 @@ _NARROWEST = 0.9  # of half the rate of the rows: a wider band is all of it
 _FREQUENCIES = 2048
 
 
-def believable(table: Table, named: Sequence[int], unnamed: Sequence[int], report_hz: float) -> list[int]:
-    """The named slots that took away `RULES.takes` times what is left, in the channel in which they show.
+def believable(table: Table, named: Sequence[int], report_hz: float) -> list[int]:
+    """The named slots that took away `RULES.takes` times what all names leave, where they show most.
 
-    Where more is left there, the name is only what the structure resembles.
+    Where more is left there, the name is only what the structure resembles. Structures without a name stay
+    out of this: what they take up is left, and a flexible one would take up a name's own part with it.
 
     Args:
         report_hz: the highest frequency that is reported.
     """
-    everything = [*named, *unnamed]
-    best = excess(table, everything, report_hz)
-    without = {s: excess(table, [o for o in everything if o != s], report_hz) for s in everything}
-    taken = {s: {key: own[key] - best[key] for key in best} for s, own in without.items()}
-    left = {key: best[key] + sum(max(taken[s][key], 0.0) for s in unnamed) for key in best}
+    left = excess(table, named, report_hz)
     kept = []
     for s in named:
-        shown = max(taken[s], key=lambda key: taken[s][key]) if best else None
-        if shown is None or _in_angles(table, s) or taken[s][shown] >= RULES.takes * left[shown]:
+        without = excess(table, [o for o in named if o != s], report_hz)
+        taken = {key: without[key] - left[key] for key in left}
+        shown = max(taken, key=lambda key: taken[key]) if taken else None
+        if shown is None or _in_angles(table, s) or taken[shown] >= RULES.takes * left[shown]:
             kept.append(s)
     return kept
 

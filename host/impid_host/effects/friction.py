@@ -34,6 +34,7 @@ _BENDS = (
     3e-3,
 )  # of the range of the joint: any contact bends a little before it slides
 _BEND = 5e-4  # where another parameter is sought
+_ONCE = 1.2  # of the range: a period of which five sixths were visited can be told
 _WIDTHS = (0.01, 0.02, 0.04, 0.08, 0.16, 0.32)  # of the range: friction that is a spring until it slides
 
 
@@ -183,9 +184,9 @@ def _quadratic(setting: Setting) -> Iterator[Term]:
 
 
 def _position(setting: Setting) -> Iterator[Term]:
-    """A ripple over the angle: what was not visited once around is a slope, and says nothing of a period."""
+    """A ripple over the angle: what was not visited about once around is a slope."""
     for joint in range(setting.joints):
-        bend = float(_BEND * setting.span[joint])
+        bend, longest = float(_BEND * setting.span[joint]), float(_ONCE * setting.span[joint])
         for variant in ("dry", "viscous"):
 
             def columns(
@@ -206,8 +207,8 @@ def _position(setting: Setting) -> Iterator[Term]:
                 columns,
                 _read_position,
                 size=2,
-                shapes=tuple(float(setting.span[joint] * part) for part in np.geomspace(0.12, 1.0, 12)),
-                gate=lambda _beta, period, joint=joint: bool(period <= setting.span[joint]),  # type: ignore[misc]
+                shapes=tuple(float(setting.span[joint] * part) for part in np.geomspace(0.12, _ONCE, 13)),
+                gate=lambda _beta, period, longest=longest: bool(period <= longest),  # type: ignore[misc]
                 variant=variant,
             )
 

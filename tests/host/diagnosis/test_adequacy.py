@@ -42,7 +42,7 @@ def test_noise_alone_has_no_excess(report_hz: float) -> None:
 def test_a_name_stands_above_what_is_left() -> None:
     for left_rms, stands in ((0.0, True), (0.9, True), (1.5, False)):
         rows, target = laboratory(left_rms)
-        assert believable(rows.table(target), [0], [], WIDE_HZ) == ([0] if stands else [])
+        assert believable(rows.table(target), [0], WIDE_HZ) == ([0] if stands else [])
 
 
 def test_it_is_the_reported_band_that_counts() -> None:
@@ -50,15 +50,15 @@ def test_it_is_the_reported_band_that_counts() -> None:
     half its rms is a fourth of all of it, and more than that fifth."""
     rows, target = laboratory(0.95)
     table = rows.table(target)
-    assert believable(table, [0], [], WIDE_HZ) == [0]
-    assert believable(table, [0], [], NARROW_HZ) == []
+    assert believable(table, [0], WIDE_HZ) == [0]
+    assert believable(table, [0], NARROW_HZ) == []
     rows, target = laboratory(0.95, frequency_hz=8.0)
-    assert believable(rows.table(target), [0], [], NARROW_HZ) == [0]
+    assert believable(rows.table(target), [0], NARROW_HZ) == [0]
 
 
 def test_what_a_curve_without_a_name_takes_up_is_left_as_well() -> None:
     rows = Rows([term("friction.coulomb", "joint1"), curve("tau1", "theta1", size=1)])
     table = rows.table(rows.target({NAME: 2.0, CURVE: 1.5}))
-    assert believable(table, [0], [1], WIDE_HZ) == []
+    assert believable(table, [0], WIDE_HZ) == []
     table = rows.table(rows.target({NAME: 2.0, CURVE: 0.9}))
-    assert believable(table, [0], [1], WIDE_HZ) == [0]
+    assert believable(table, [0], WIDE_HZ) == [0]
