@@ -13,6 +13,7 @@ from hil_sim.plant.kinematics import QUARTER_TURN, joint_angles, joints_of
 from hil_sim.plant.perturbation import RATE_HZ, played_perturbation, random_perturbation
 from hil_sim.plant.physics import SPRING, PlantEffects, Term
 from hil_sim.plant.plant import Load, PlantParameters
+from hil_sim.plant.played import played_reference
 from hil_sim.plant.reference import Course, ten_sinusoids
 from hil_sim.scenarios.schema import LoadTruth, Motion, NoiseTable, Scenario, TorqueNoiseTable, Trial
 from hil_sim.seeds import generator
@@ -182,6 +183,12 @@ def _course(scenario: Scenario, trial: Trial, load: Load, seed: int) -> Course:
             centre = joints_of(links, relative=scenario.setup.robot.relative)
         except ValueError as error:
             raise SimError(f"trial {trial.name}: {error}; move x0_m of load {trial.load}") from None
+    if trial.command_csv is not None and trial.kind != "stochastic":
+        joints = 1 if scenario.setup.robot.single else 2
+        try:
+            return played_reference(Path(trial.command_csv), TICK_S, joints=joints)
+        except ValueError as error:
+            raise SimError(f"trial {trial.name}: {error}") from None
     if trial.command_csv is not None:
         try:
             played = played_perturbation(

@@ -299,12 +299,11 @@ class Trial(_Table):
     duration_s: Annotated[float, Field(gt=0.0, le=86400.0)] = 50.0
     robot_zero_s: float = 0.0
     note: str = ""
-    command_csv: str | None = None  # perturbation to play, columns fdx, fdy (N) at 500 rows a second
+    # What to play: fdx, fdy (N) at 500 rows a second in stochastic trials, else theta1, omega1, ... at 1000.
+    command_csv: str | None = None
 
     @model_validator(mode="after")
     def _load_fits_kind(self) -> "Trial":
-        if self.command_csv is not None and self.kind != "stochastic":
-            raise ValueError("command_csv is for stochastic trials: remove it")
         if self.kind == "free" and self.load is not None:
             raise ValueError("a free trial has nothing on the end-effector: remove load, or change kind")
         if self.kind != "free" and self.load is None:
