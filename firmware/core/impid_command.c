@@ -68,6 +68,8 @@ static answer_t info(const impid_core_t *core, uint8_t item) {
         return ok(config->slots != NULL ? impid_update_slot(&core->update) : IMPID_SLOT_NONE);
     case IMPID_MESSAGES_COMMAND_ITEM_UPDATE_PENDING_CHOICE:
         return ok(config->slots != NULL && !impid_update_confirmed(&core->update) ? 1u : 0u);
+    case IMPID_MESSAGES_COMMAND_ITEM_EXTERNAL_CLOCK_HZ_CHOICE:
+        return ok(config->external_clock_hz);
     default:
         return refused(IMPID_MESSAGES_RESPONSE_RESULT_BAD_ITEM_CHOICE);
     }
@@ -82,12 +84,16 @@ static answer_t update_answer(impid_update_result_t result, uint32_t value) {
     return (answer_t){codes[result], value};
 }
 
+static bool busy(const impid_core_t *core) {
+    return impid_stream_active(&core->stream) || impid_selftest_running(&core->selftest);
+}
+
 static answer_t update(impid_core_t *core, const struct impid_messages_command_t *command) {
     impid_update_t *update = &core->update;
     if (update->port == NULL) {
         return refused(IMPID_MESSAGES_RESPONSE_RESULT_UNKNOWN_OPCODE_CHOICE);
     }
-    if (impid_stream_active(&core->stream) || impid_selftest_running(&core->selftest)) {
+    if (busy(core)) {
         return refused(IMPID_MESSAGES_RESPONSE_RESULT_BUSY_CHOICE);
     }
     switch (command->opcode) {
@@ -135,7 +141,7 @@ static answer_t stop(impid_core_t *core, impid_carrier_t carrier) {
 }
 
 static answer_t self_test(impid_core_t *core) {
-    if (impid_stream_active(&core->stream) || impid_selftest_running(&core->selftest)) {
+    if (busy(core)) {
         return refused(IMPID_MESSAGES_RESPONSE_RESULT_BUSY_CHOICE);
     }
     impid_selftest_begin(&core->selftest, core->port->health(core->port->context).supply_mV);
@@ -188,6 +194,20 @@ static answer_t log_word(const impid_core_config_t *config, uint8_t item) {
                                     : refused(IMPID_MESSAGES_RESPONSE_RESULT_BAD_ITEM_CHOICE);
 }
 
+static answer_t bench(impid_core_t *core, impid_carrier_t carrier,
+                      const struct impid_messages_command_t *command) {
+    /* The loopback takes the controller off the bus: the answer would not get out. */
+    bool cuts_itself_off = carrier == IMPID_CARRIER_CAN &&
+                           command->item == IMPID_MESSAGES_COMMAND_ITEM_BENCH_CAN_LOOPBACK_CHOICE;
+    if (busy(core) || cuts_itself_off) {
+        return refused(IMPID_MESSAGES_RESPONSE_RESULT_BUSY_CHOICE);
+    }
+    uint32_t value;
+    return impid_bench_execute(&core->bench, command->item, command->value, &value)
+               ? ok(value)
+               : refused(IMPID_MESSAGES_RESPONSE_RESULT_BAD_VALUE_CHOICE);
+}
+
 static answer_t act(impid_core_t *core, impid_carrier_t carrier,
                     const struct impid_messages_command_t *command) {
     switch (command->opcode) {
@@ -210,6 +230,8 @@ static answer_t act(impid_core_t *core, impid_carrier_t carrier,
     case IMPID_MESSAGES_COMMAND_OPCODE_UPDATE_END_CHOICE:
     case IMPID_MESSAGES_COMMAND_OPCODE_UPDATE_CONFIRM_CHOICE:
         return update(core, command);
+    case IMPID_MESSAGES_COMMAND_OPCODE_BENCH_CHOICE:
+        return bench(core, carrier, command);
     case IMPID_MESSAGES_COMMAND_OPCODE_STATUS_CHOICE:
     case IMPID_MESSAGES_COMMAND_OPCODE_RESET_CHOICE:
         return ok(0u); /* acted on once the answer is out */

@@ -29,6 +29,7 @@
 #define BOARD_SERIAL_RX PIN(GPIOA, 3)
 #define BOARD_CAN_RX    PIN(GPIOA, 11) /* CAN1 */
 #define BOARD_CAN_TX    PIN(GPIOA, 12)
+#define BOARD_EDGE      PIN(GPIOA, 6) /* TIM3_CH1: the bench test's wire begins here */
 #define BOARD_LED       PIN(GPIOB, 12)
 
 #endif

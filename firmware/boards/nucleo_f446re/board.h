@@ -28,6 +28,7 @@
 #define BOARD_SERIAL_RX PIN(GPIOA, 3)
 #define BOARD_CAN_RX    PIN(GPIOB, 8) /* D15, CAN1 */
 #define BOARD_CAN_TX    PIN(GPIOB, 9) /* D14, CAN1 */
+#define BOARD_EDGE      PIN(GPIOA, 6) /* D12, TIM3_CH1: the bench test's wire begins here */
 #define BOARD_LED       PIN(GPIOA, 5) /* LD2 */
 
 #endif

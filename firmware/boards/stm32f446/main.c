@@ -1,4 +1,5 @@
 /* The board: brings the hardware up, gives the core its port, and runs the main loop. */
+#include "bench.h"
 #include "board.h"
 #include "can.h"
 #include "clock.h"
@@ -6,6 +7,7 @@
 #include "flash.h"
 #include "impid_build.h"
 #include "impid_messages.h"
+#include "inputs.h"
 #include "interrupts.h"
 #include "pin.h"
 #include "registers.h"
@@ -14,8 +16,6 @@
 #include "slots.h"
 #include "timebase.h"
 #include "watchdog.h"
-
-enum { AF_TIM2 = 1, AF_TIM4 = 2, AF_TIM5 = 2 };
 
 /* As long as a serial line can need for what is queued, twice. */
 #define RESET_PATIENCE_TICKS 30u
@@ -82,25 +82,6 @@ static void set_pins_up(void) {
     pin_output(BOARD_LED);
 }
 
-static pin_pull_t pull(impid_setting_t setting, pin_pull_t direction) {
-    return settings.values[setting] != 0u ? direction : PIN_PULL_NONE;
-}
-
-/* Above VDD + 0.3 V a pin stands only without its pull (STM32F446xC/xE data sheet, I/O static
- * characteristics), so the inputs to which 5 V may come are as the settings say, and without any until those
- * are read. */
-static void set_inputs_up(void) {
-    pin_pull_t encoder_1 = pull(IMPID_SETTING_ENCODER_1_PULL, PIN_PULL_UP);
-    pin_pull_t encoder_2 = pull(IMPID_SETTING_ENCODER_2_PULL, PIN_PULL_UP);
-    pin_alternate(BOARD_ENCODER_1_A, AF_TIM2, encoder_1);
-    pin_alternate(BOARD_ENCODER_1_B, AF_TIM2, encoder_1);
-    pin_alternate(BOARD_ENCODER_2_A, AF_TIM5, encoder_2);
-    pin_alternate(BOARD_ENCODER_2_B, AF_TIM5, encoder_2);
-    pin_input(BOARD_ENCODER_1_FAULT, pull(IMPID_SETTING_FAULT_1_PULL, PIN_PULL_UP));
-    pin_input(BOARD_ENCODER_2_FAULT, pull(IMPID_SETTING_FAULT_2_PULL, PIN_PULL_UP));
-    pin_alternate(BOARD_SYNC, AF_TIM4, pull(IMPID_SETTING_SYNC_PULL, PIN_PULL_DOWN));
-}
-
 /* Slow blink: waiting for a command; fast: streaming or self-testing. */
 static void show_state(uint32_t now_us) {
     bool busy = impid_stream_active(&core.stream) || impid_selftest_running(&core.selftest);
@@ -154,7 +135,8 @@ int main(void) {
     sampling_measure_supply();
 
     impid_settings_init(&settings, &flash_settings);
-    set_inputs_up();
+    inputs_start(&settings);
+    bench_start(&settings);
     (void)impid_settings_prepare(&settings);
     watchdog_refresh(); /* two erases may lie behind */
     uint32_t boot_count = impid_settings_count_boot(&settings);
@@ -170,8 +152,10 @@ int main(void) {
                                        : IMPID_MESSAGES_STATUS_HEALTH_CLOCK_SOURCE_HSI_CHOICE,
         .settings = &settings,
         .log = (const uint32_t *)(const void *)fault_log(),
+        .external_clock_hz = clock_external_hz(),
         .log_words = FAULT_LOG_WORDS,
         .slots = &slots,
+        .bench = &bench_port,
         .trace = fault_trace(),
     };
     impid_core_init(&core, &config, &port);
@@ -187,6 +171,7 @@ int main(void) {
         show_state(timebase_now_us());
         refresh_watchdog();
         reset_when_sent();
+        bench_poll();
         sleep_unless(ticks != sampling_ticks());
     }
 }
