@@ -57,7 +57,7 @@ const volatile sampling_latest_t *sampling_latest(void);
  * tick: just before the instant that ends it the line falls, wherever `clock` is. SAMPLING_TRIGGER_CLOCKS
  * lets go of the pin. false: `clock` is where the tick itself would disturb it; it must be below
  * SAMPLING_EDGE_EARLY or above SAMPLING_EDGE_LATE. */
-#define SAMPLING_EDGE_EARLY 100u
+#define SAMPLING_EDGE_EARLY 300u
 #define SAMPLING_EDGE_LATE  (SAMPLING_TRIGGER_CLOCKS / 2u)
 bool sampling_edge(uint32_t clock);
 /* Adds the tick's part to the account. */

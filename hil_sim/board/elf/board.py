@@ -8,6 +8,7 @@ is later than that shows in the samples. So do the voltages between conversions:
 after its trigger is another one.
 """
 
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
@@ -21,6 +22,7 @@ from hil_sim.board.elf.image import flash
 from hil_sim.board.elf.memory import Memory
 from hil_sim.board.elf.signature import VREFINT_CAL
 from hil_sim.board.elf.soc import Soc
+from hil_sim.board.elf.wire import Wire
 from hil_sim.board.elf.wiring import NUCLEO, Wiring
 from hil_sim.board.native import TICK_US, BoardConfig
 
@@ -69,7 +71,9 @@ class ElfBoard:
         self._adc: NDArray[np.uint16]  # (n, 8, 2), of the rows that run
         self._encoder: NDArray[np.int64]  # (n + 1, 2), unwrapped: the row before, then those that run
         self._rows: int  # since boot
+        self.wire: Wire | None = None
         self.supply_mV = 3300  # of the chip and of what it measures
+        self.reference_noise: Callable[[], float] = lambda: 0.0  # codes
         self.soc.stop_at_reset = True
         self.reboot()
 
@@ -102,12 +106,16 @@ class ElfBoard:
             timer.follow_world(axis, partial(self._position, axis, name))
         for port, pin in self.wiring.encoder_faults:
             self.soc.gpio[port].drive(pin, True)
+        if self.wire is not None:
+            self.wire.connect()
         self.soc.can1.sent.clear()
 
     def _analog(self, channel: int) -> int:
         """What the world does not put on a channel itself."""
         if channel == VREFINT_CHANNEL:
-            return round(VREFINT_CAL * 3300 / self.supply_mV)
+            return round(VREFINT_CAL * 3300 / self.supply_mV + self.reference_noise())
+        if self.wire is not None and (code := self.wire.code(channel)) is not None:
+            return code
         if channel not in self.wiring.axes:
             raise EmulatorError(f"nothing is wired to ADC channel {channel}")
         raise EmulatorError(f"the pin of ADC channel {channel} is not in analogue mode")

@@ -25,6 +25,7 @@ from hil_sim.board.elf.scb import Scb
 from hil_sim.board.elf.schedule import Schedule
 from hil_sim.board.elf.signature import Signature
 from hil_sim.board.elf.systick import SysTick
+from hil_sim.board.elf.tim11 import Tim11
 from hil_sim.board.elf.timer import Timer
 from hil_sim.board.elf.usart import Usart
 
@@ -49,6 +50,7 @@ PINS = {
     "TIM5_CH1": (("A", 0, 2),),
     "TIM5_CH2": (("A", 1, 2),),
     "TIM4_CH1": (("B", 6, 2),),
+    "TIM3_CH1": (("A", 6, 2), ("B", 4, 2), ("C", 6, 2)),
     "USART2_TX": (("A", 2, 7),),
     "USART2_RX": (("A", 3, 7),),
     "CAN1_RX": (("B", 8, 9), ("A", 11, 9)),
@@ -85,6 +87,7 @@ class Soc:
         self.uid = uid
         self.hse_present = hse_present
         self.hse_bypass = hse_bypass
+        self.hsi_hz = HSI_HZ  # of this chip; from the next reset on
         self.wired: dict[str, tuple[str, int]] = {}
         self.cpu = Cpu(memory)
         self.chip: CData = self.cpu.chip
@@ -92,7 +95,7 @@ class Soc:
         self.chip.handle = self._handle
         self.clock = self.cpu.clock
         self.schedule = Schedule(self.chip)
-        self.schedule.start(0, 0.0, HSI_HZ)
+        self.schedule.start(0, 0.0, self.hsi_hz)
         self.on_reset: Callable[[], None] = lambda: None
         self._on_exception: Callable[[int, bool], None] | None = None
         self.resets: list[str] = []
@@ -126,9 +129,10 @@ class Soc:
         self.usart2 = Usart("USART2", 0x4000_4400, self, 38)
         self.can1 = Can("CAN1", 0x4000_6400, self)
         self.iwdg = Iwdg(0x4000_3000, self)
+        self.tim11 = Tim11(0x4001_4800, self)
         self.signature = Signature(SYSTEM_MEMORY, self, self.uid)
         banks: list[Peripheral] = [
-            self.rcc, self.pwr, self.flash, self.adc, self.usart2, self.can1, self.iwdg,
+            self.rcc, self.pwr, self.flash, self.adc, self.usart2, self.can1, self.iwdg, self.tim11,
             *self.gpio.values(), *self.timers.values(), *self.dmas.values(),
         ]  # fmt: skip
         self._pages = {bank.base // PAGE: bank for bank in banks}
@@ -333,7 +337,7 @@ class Soc:
         self._reset_cause = None
         self.chip.reset_requested = 0
         self.resets.append(cause)
-        self.schedule.start(self.clock.cycles, self.schedule.seconds(), HSI_HZ)
+        self.schedule.start(self.clock.cycles, self.schedule.seconds(), self.hsi_hz)
         self.clock.watch_priority = NO_WATCH
         left = self.usart2.sent, self.can1.sent  # what is on the wire no reset calls back
         self._build(cause)

@@ -13,6 +13,7 @@ from impid_host.calibration.accelerometer import AccelerometerCalibration
 from impid_host.calibration.in_place import calibrate_in_place
 from impid_host.calibration.motion import predicted_specific_force
 from impid_host.calibration.tumble import calibrate_by_angles, calibrate_by_circle
+from impid_host.cli.device_bring_up import bring_up_command
 from impid_host.cli.device_update import update
 from impid_host.cli.link_options import Command, address_of, link_options
 from impid_host.errors import InputError, LinkError
@@ -45,6 +46,7 @@ def command() -> None:
 
 
 command.add_command(update)
+command.add_command(bring_up_command)
 
 
 @contextmanager

@@ -29,6 +29,7 @@ class BoardInfo:
     board_id: int | None = None
     update_slot: int | None = None
     update_pending: int | None = None
+    external_clock_hz: int | None = None
 
 
 def build_name(board: BoardInfo) -> str:
