@@ -1,4 +1,4 @@
-"""A channel of a free-running timer as an output (RM0390 17.3.8 to 17.3.10): toggle at a match, or forced low.
+"""A channel of a free-running timer as an output (RM0390 17.3.8 to 17.3.10): toggled at a match, or low.
 
 Nothing happens at a match: the level at any instant is counted from the matches since the mode was set.
 """
@@ -20,33 +20,39 @@ class CompareOutput:
         self._timer = timer
         self._level = False
         self._since = 0
+        self._match, self._period = 0, 0  # a cycle at which the counter matches, and how often it does
         self.mode = FROZEN
 
     def set_mode(self, mode: int) -> None:
-        """OC1M: FROZEN, TOGGLE or FORCE_LOW."""
-        self.keep()
+        """OC1M: FROZEN, TOGGLE or FORCE_LOW; the counter runs."""
+        self._keep()
         self.mode = mode
-        if mode == FORCE_LOW:
-            self._level = False
+        self._level = self._level and mode != FORCE_LOW
+        self._place()
 
-    def keep(self) -> None:
-        """To be called before anything changes that decides the level."""
-        now = self._timer.soc.schedule.now
-        self._level = self._at(now)
-        self._since = now
+    def set_match(self, count: int) -> None:
+        """CCR1, at once."""
+        self._keep()
+        self._timer.value["CCR1"] = count
+        self._place()
 
     def level(self, cycle: int) -> bool:
         """Of the pin, if one is switched to the channel."""
         return bool(self._timer.value["CCER"] & CC1E) and self._at(cycle)
 
+    def _keep(self) -> None:
+        now = self._timer.soc.schedule.now
+        self._level, self._since = self._at(now), now
+
+    def _place(self) -> None:
+        update = self._timer.next_update()
+        if update is not None:
+            step = self._timer.soc.rcc.timer_divider(1) * (self._timer.value["PSC"] + 1)
+            self._period = step * (self._timer.value["ARR"] + 1)
+            self._match = update + step * self._timer.value["CCR1"]
+
     def _at(self, cycle: int) -> bool:
-        overflow = self._timer.next_update()
-        if self.mode != TOGGLE or overflow is None:
+        if self.mode != TOGGLE:
             return self._level
-        step = self._timer.soc.rcc.timer_divider(1) * (self._timer.value["PSC"] + 1)
-        period = step * (self._timer.value["ARR"] + 1)
-        match = (
-            overflow - period + step * self._timer.value["CCR1"]
-        )  # one of them; the others are periods away
-        matches = (cycle - match) // period - (self._since - match) // period
+        matches = (cycle - self._match) // self._period - (self._since - self._match) // self._period
         return self._level ^ bool(matches % 2)

@@ -1,5 +1,5 @@
-"""TIM11 as a counter of the external clock (RM0390 6.2.11, chapter 18): channel 1 captures every n-th period of
-HSE_RTC, which is HSE divided by RTCPRE. The counter runs on the timer clock of APB2. No other use is modelled.
+"""TIM11 as a counter of the external clock (RM0390 6.2.11, chapter 18): channel 1 captures every n-th period
+of HSE_RTC, which is HSE divided by RTCPRE. The counter has the timer clock of APB2. No other use is modelled.
 """
 
 from typing import TYPE_CHECKING, ClassVar

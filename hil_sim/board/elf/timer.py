@@ -40,7 +40,7 @@ DIRECTION = {
 
 
 class Timer(Peripheral):
-    """Up-counter, encoder interface, input capture, trigger in and out; channel 1 as an output in two modes."""
+    """Up-counter, encoder interface, capture, trigger in and out; channel 1 as an output in two modes."""
 
     REGISTERS: ClassVar[tuple[Register, ...]] = (
         Register("CR1", 0x00, "17.4.1", modelled=CEN | URS | ARPE),
@@ -272,8 +272,7 @@ class Timer(Peripheral):
         """Where an output matches, at once (no OC1PE); read-only while the channel is an input (17.4.13)."""
         if self._capture_selection(1):
             raise self.unmodelled("write", "CCR1", 0x34, value)
-        self.output.keep()
-        self.value["CCR1"] = value & self._top
+        self.output.set_match(value & self._top)
 
     def read_ccr1(self) -> int:
         """Capture of channel 1; reading clears CC1IF (17.4.5)."""

@@ -1,5 +1,5 @@
-"""A jumper wire from the pin of the sampling timer's own output to another pin, and encoder lines that nothing
-but that wire and the chip's pull resistors holds: what the bench test of docs/hardware.md works with.
+"""A jumper wire from the sampling timer's own output to another pin, and encoder lines that nothing but that
+wire and the chip's pull resistors holds: what the bench test of docs/hardware.md works with.
 """
 
 from typing import TYPE_CHECKING

@@ -162,7 +162,7 @@ class BenchBoard:
         return back
 
     def await_boot(self, before: int, limit_s: float) -> float | None:
-        """Seconds until a status of another boot than `before` comes by itself; None: none within the limit."""
+        """Seconds until a status of another boot than `before` comes by itself; None: none comes in time."""
         begun = self.now()
         ear = self.fresh_ear()
         while self.now() - begun < limit_s:

@@ -45,8 +45,15 @@ def drift(board: BenchBoard, minutes: float) -> list[Result]:
     produced = board.client.stop().value
     silicon = "temperature, and two oscillators that are not the same"
     what = f"clock against the PC's, {minutes:g} minutes"
-    lost = Result(f"samples lost in {minutes:g} minutes", float(produced - ear.samples), "", 0.0, 0.0,
-                  f"of {produced}", "a USB line that somebody else uses too")  # fmt: skip
+    lost = Result(
+        f"samples lost in {minutes:g} minutes",
+        float(produced - ear.samples),
+        "",
+        0.0,
+        0.0,
+        f"of {produced}",
+        "a USB line that somebody else uses too",
+    )
     try:
         whole = fit_clock(ear.exchanges)
     except UndeterminedError as error:

@@ -24,8 +24,15 @@ _STREAM_NOISE = 80.0
 def supply(board: BenchBoard) -> Result:
     """The converter's and the accelerometer's."""
     millivolts = board.client.status().supply_mV
-    return Result("supply (AVDD), by the internal reference", float(millivolts), "mV", 3000.0, 3600.0, "",
-                  "the board's own regulator; the emulator's supply is a number")  # fmt: skip
+    return Result(
+        "supply (AVDD), by the internal reference",
+        float(millivolts),
+        "mV",
+        3000.0,
+        3600.0,
+        "",
+        "the board's own regulator; the emulator's supply is a number",
+    )
 
 
 def reference_noise(board: BenchBoard) -> list[Result]:
@@ -34,9 +41,16 @@ def reference_noise(board: BenchBoard) -> list[Result]:
     silicon = "the converter's own noise, which decides whether AN4073's settings are worth their price"
     detail = f"{_REFERENCE_READINGS} readings, mean {found.mean:.1f}, {found.outside} further than 32 codes"
     return [
-        Result("noise of the converter on its reference", found.noise, "codes of 12 bits", 0.0,
-               _REFERENCE_NOISE, detail, silicon),
-    ]  # fmt: skip
+        Result(
+            "noise of the converter on its reference",
+            found.noise,
+            "codes of 12 bits",
+            0.0,
+            _REFERENCE_NOISE,
+            detail,
+            silicon,
+        ),
+    ]
 
 
 def accelerometer(board: BenchBoard) -> list[Result]:
@@ -44,28 +58,53 @@ def accelerometer(board: BenchBoard) -> list[Result]:
     outcome = board.client.self_test()
     info = board.client.info()
     responses = [_signed(word) for word in (info.self_test_x_mv, info.self_test_y_mv)]
-    names = ("self-test of the accelerometer",
-             *(f"noise of axis {axis}, converter at 8 kHz" for axis in "xy"),
-             *(f"missing codes of axis {axis}" for axis in "xy"),
-             *(f"noise of axis {axis} at rest, stream" for axis in "xy"))  # fmt: skip
+    names = (
+        "self-test of the accelerometer",
+        *(f"noise of axis {axis}, converter at 8 kHz" for axis in "xy"),
+        *(f"missing codes of axis {axis}" for axis in "xy"),
+        *(f"noise of axis {axis} at rest, stream" for axis in "xy"),
+    )
     if outcome == _SELF_TEST["FAILED_BOTH"] and max(map(abs, responses)) < _NOTHING_MV:
         why = f"no accelerometer answers (response {responses[0]} and {responses[1]} mV)"
         return [not_measured(name, why) for name in names]
     passed = outcome == _SELF_TEST["PASSED"]
     rows = [
-        Result(names[0], float(passed), "", 1.0, 1.0, f"response {responses[0]} and {responses[1]} mV",
-               "the sensor's own answer, 115 to 316 mV at 3.3 V"),
-    ]  # fmt: skip
+        Result(
+            names[0],
+            float(passed),
+            "",
+            1.0,
+            1.0,
+            f"response {responses[0]} and {responses[1]} mV",
+            "the sensor's own answer, 115 to 316 mV at 3.3 V",
+        ),
+    ]
     histograms = [board.histogram(axis, _AXIS_READINGS) for axis in "xy"]
     for name, found in zip(names[1:3], histograms, strict=True):
         detail = f"{_AXIS_READINGS} readings, mean {found.mean:.1f}, {found.outside} further than 32 codes"
-        rows.append(Result(name, found.noise, "codes of 12 bits", 0.0, _AXIS_NOISE, detail,
-                           "supply, layout and capacitor: the emulator's noise is what its scenario says"))  # fmt: skip
+        rows.append(
+            Result(
+                name,
+                found.noise,
+                "codes of 12 bits",
+                0.0,
+                _AXIS_NOISE,
+                detail,
+                "supply, layout and capacitor: the emulator's noise is what its scenario says",
+            )
+        )
     rows += [
-        Result(name, float(found.missing), "", 0.0, 0.0, "empty bins within one noise of the mean",
-               "the converter's differential nonlinearity")
+        Result(
+            name,
+            float(found.missing),
+            "",
+            0.0,
+            0.0,
+            "empty bins within one noise of the mean",
+            "the converter's differential nonlinearity",
+        )
         for name, found in zip(names[3:5], histograms, strict=True)
-    ]  # fmt: skip
+    ]
     rows += [
         Result(name, noise, "codes of 16 bits", 0.0, _STREAM_NOISE, "40 to 60 with 10 nF, at rest")
         for name, noise in zip(names[5:], _stream_noise(board), strict=True)

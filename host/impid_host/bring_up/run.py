@@ -6,6 +6,7 @@ from impid_host.bring_up import clocks, converter, recovery, wire
 from impid_host.bring_up.board import BenchBoard
 from impid_host.bring_up.result import Result, not_measured
 from impid_host.link.link import Link
+from impid_host.wire.records import BoardStatus
 
 LOOP_FRAMES = 200
 TICK_BUDGET_US = 250.0
@@ -19,6 +20,7 @@ def bring_up(
     Raises:
         LinkError: the board has no bench test, falls silent, or refuses.
     """
+    before = board.client.status()
     yield from clocks.external_clock(board)
     yield converter.supply(board)
     yield loopback(board)
@@ -30,8 +32,8 @@ def bring_up(
     else:
         yield not_measured("quadrature, latch skew", "something is wired to the inputs that the test drives")
     yield from clocks.drift(board, minutes)
-    yield from counters(board)
-    yield recovery.watchdog(board)
+    yield from counters(board, before)
+    yield from recovery.watchdog(board)
     yield recovery.cut_saves(board)
     yield recovery.unplugged(board, operator, reopen)
 
@@ -39,28 +41,45 @@ def bring_up(
 def loopback(board: BenchBoard) -> Result:
     """The CAN controller hears itself: queue, mailbox, filter, FIFO, interrupts; not the pins."""
     back = board.loopback(LOOP_FRAMES)
-    return Result("CAN frames that the controller hears from itself", float(back), "", LOOP_FRAMES, LOOP_FRAMES,
-                  "loopback and silent: the pins take no part",
-                  "a controller with its own errata; pins and transceiver only on a bus")  # fmt: skip
+    return Result(
+        "CAN frames that the controller hears from itself",
+        float(back),
+        "",
+        LOOP_FRAMES,
+        LOOP_FRAMES,
+        "loopback and silent: the pins take no part",
+        "a controller with its own errata; pins and transceiver only on a bus",
+    )
 
 
-def counters(board: BenchBoard) -> Iterator[Result]:
-    """What the board counted so far, nothing of which belongs there."""
+COUNTERS = (
+    "late",
+    "overruns",
+    "ring_lost",
+    "frames_dropped",
+    "line_errors",
+    "can_overruns",
+    "adc_overruns",
+    "dma_errors",
+)
+
+
+def counters(board: BenchBoard, before: BoardStatus) -> Iterator[Result]:
+    """What the board counted since `before`, nothing of which belongs there."""
     status = board.client.status()
-    yield Result("longest run of the sampling interrupt", float(status.worst_tick_us), "us", 0.0, TICK_BUDGET_US,
-                 "of a period of 1000", "cycles of a real pipeline and flash; the emulator assumes 1.5 an instruction")  # fmt: skip
-    for name in (
-        "late",
-        "overruns",
-        "ring_lost",
-        "frames_dropped",
-        "line_errors",
-        "adc_overruns",
-        "dma_errors",
-    ):
-        value = getattr(status, name)
+    yield Result(
+        "longest run of the sampling interrupt",
+        float(status.worst_tick_us),
+        "us",
+        0.0,
+        TICK_BUDGET_US,
+        "of a period of 1000",
+        "the cycles of pipeline and flash; the emulator assumes 1.5 an instruction",
+    )
+    for name in COUNTERS:
+        now, then = getattr(status, name), getattr(before, name)
         yield (
             not_measured(f"counter {name}", "the board does not count it")
-            if value is None
-            else Result(f"counter {name}", float(value), "", 0.0, 0.0)
+            if now is None or then is None
+            else Result(f"counter {name}", float(now - then), "", 0.0, 0.0)
         )

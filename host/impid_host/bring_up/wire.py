@@ -19,7 +19,7 @@ _SETTLE_S = 0.005
 _EARLY, _LATE = -120, 250  # clocks from the trigger: certainly seen, certainly not
 _AROUND = 5  # clocks on either side of the change that are looked at closely
 _LOOKS = 8
-_HALF_SCALE = 2048
+_LOW, _HIGH = 400, 3700  # codes: what the edge reaches over a wire, and a sensor does not
 
 
 class Operator(Protocol):
@@ -57,10 +57,23 @@ def quadrature(board: BenchBoard, encoder: int) -> Result:
     back = board.count(encoder) - start
     board.bench("LEVELS", RELEASED)
     if back != 0:
-        return Result(what, float(forward - back), "counts", 4.0 * TURNS, 4.0 * TURNS,
-                      f"forwards {forward}, and back at {back} instead of 0")  # fmt: skip
-    return Result(what, float(forward), "counts", 4.0 * TURNS, 4.0 * TURNS, "and back at 0",
-                  "whether both pins are bonded, soldered and multiplexed as the table says")  # fmt: skip
+        return Result(
+            what,
+            float(forward - back),
+            "counts",
+            4.0 * TURNS,
+            4.0 * TURNS,
+            f"forwards {forward}, and back at {back} instead of 0",
+        )
+    return Result(
+        what,
+        float(forward),
+        "counts",
+        4.0 * TURNS,
+        4.0 * TURNS,
+        "and back at 0",
+        "whether both pins are bonded, soldered and multiplexed as the table says",
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,10 +94,13 @@ class Instant:
         return self.clocks / TIMER_HZ * 1e6
 
 
-def find_instant(board: BenchBoard, read: Callable[[], int]) -> Instant | None:
-    """The instant of a reading, which is one number before the edge and another behind it; None: no change."""
+Read = Callable[[], int | None]
 
-    def at(offset: int) -> int:
+
+def find_instant(board: BenchBoard, read: Read) -> Instant | None:
+    """The instant of a reading that the edge changes; None: nothing changes it."""
+
+    def at(offset: int) -> int | None:
         board.bench("EDGE", offset if offset >= 0 else period + offset)
         board.wait(_SETTLE_S)
         return read()
@@ -92,7 +108,7 @@ def find_instant(board: BenchBoard, read: Callable[[], int]) -> Instant | None:
     period = board.bench("EDGE", 0)
     try:
         seen, unseen = at(_EARLY), at(_LATE)
-        if seen == unseen:
+        if seen is None or unseen is None or seen == unseen:
             return None
         low, high = _EARLY, _LATE
         while high - low > 1:
@@ -126,7 +142,7 @@ def latch_instants(board: BenchBoard, operator: Operator) -> list[Result]:
         encoder = signal.startswith("encoder")
         what = f"instant of the {'counts' if encoder else 'voltage'}, {signal}"
         silicon = (
-            "the delays of filter and resynchronisation: -0.10 to -0.04 us by the manual, none in the emulator"
+            "filter and resynchronisation: -0.10 to -0.04 us by the manual, no delay in the emulator"
             if encoder
             else "the converter's start: 0.76 to 0.81 us by the data sheet, 0.67 us in the emulator"
         )
@@ -154,8 +170,14 @@ def latch_instants(board: BenchBoard, operator: Operator) -> list[Result]:
     return [*results, Result(what, worst, "us", 0.0, 1.0, detail, silicon)]
 
 
-def _reader(board: BenchBoard, signal: str) -> Callable[[], int]:
+def _reader(board: BenchBoard, signal: str) -> Read:
+    """The count, or whether the voltage is high; None: it is neither high nor low."""
     if signal.startswith("encoder"):
         encoder = int(signal.split()[1])
         return lambda: board.count(encoder)
-    return lambda: int(board.code(signal) > _HALF_SCALE)
+
+    def level() -> int | None:
+        code = board.code(signal)
+        return 0 if code < _LOW else 1 if code > _HIGH else None
+
+    return level

@@ -48,8 +48,13 @@ class _Asking:
 @click.command("bring-up")
 @click.option("--port", metavar="PORT", required=True, help="Serial device, or `auto`.")
 @click.option("--baud", type=int, help="Speed of the serial line. Default: tried out, 921600 first.")
-@click.option("--minutes", default=60.0, show_default=True, type=click.FloatRange(min=0.05),
-              help="How long the clock is watched.")  # fmt: skip
+@click.option(
+    "--minutes",
+    default=60.0,
+    show_default=True,
+    type=click.FloatRange(min=0.05),
+    help="How long the clock is watched.",
+)
 @click.option("--out", type=click.Path(path_type=Path), metavar="FILE.md", help="Where the report goes too.")
 def bring_up_command(*, port: str, baud: int | None, minutes: float, out: Path | None) -> None:
     """Measure a new board on the bench, with one jumper wire, and print a report to send back.
