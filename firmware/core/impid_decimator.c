@@ -1,5 +1,7 @@
 #include "impid_decimator.h"
 
+#include "impid_assert.h"
+
 #include <string.h>
 
 /* 12-bit codes to 16-bit codes is a factor 16: that much less is shifted out. */
@@ -12,6 +14,7 @@ void impid_decimator_init(impid_decimator_t *decimator) {
 }
 
 void impid_decimator_push(impid_decimator_t *decimator, uint16_t code) {
+    IMPID_ASSERT(decimator->position < IMPID_DECIMATOR_TAPS);
     decimator->history[decimator->position] = code;
     decimator->history[decimator->position + IMPID_DECIMATOR_TAPS] = code;
     decimator->position = (uint8_t)((decimator->position + 1u) % IMPID_DECIMATOR_TAPS);

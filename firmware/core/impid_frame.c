@@ -1,5 +1,6 @@
 #include "impid_frame.h"
 
+#include "impid_assert.h"
 #include "impid_crc32.h"
 
 #include <string.h>
@@ -26,6 +27,7 @@ size_t impid_frame_record_size(uint8_t kind) {
 size_t impid_frame_encode(const struct impid_messages_batch_t *header, const uint8_t *records, uint8_t *out) {
     uint8_t raw[IMPID_FRAME_RAW_MAX];
     size_t size = header->count * impid_frame_record_size(header->kind);
+    IMPID_ASSERT(size <= IMPID_FRAME_RECORDS_MAX);
     (void)impid_messages_batch_pack(raw, header, sizeof raw);
     memcpy(&raw[IMPID_MESSAGES_BATCH_LENGTH], records, size);
     size_t length = IMPID_MESSAGES_BATCH_LENGTH + size;
@@ -71,6 +73,7 @@ static bool accept(impid_frame_parser_t *parser, size_t encoded, impid_frame_vie
 }
 
 bool impid_frame_parser_push(impid_frame_parser_t *parser, uint8_t byte, impid_frame_view_t *frame) {
+    IMPID_ASSERT(parser->length <= sizeof parser->buffer + 1u);
     if (byte != 0u) {
         if (parser->length < sizeof parser->buffer) {
             parser->buffer[parser->length] = byte;

@@ -1,5 +1,7 @@
 #include "impid_histogram.h"
 
+#include "impid_assert.h"
+
 #include <string.h>
 
 void impid_histogram_init(impid_histogram_t *histogram) {
@@ -33,6 +35,7 @@ void impid_histogram_add(impid_histogram_t *histogram, impid_histogram_source_t 
     }
     uint16_t bin = (uint16_t)(code - histogram->base);
     if (bin < IMPID_HISTOGRAM_BINS) {
+        IMPID_ASSERT(histogram->bins[bin] < UINT16_MAX);
         histogram->bins[bin]++;
     } else {
         histogram->outside++;

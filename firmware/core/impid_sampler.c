@@ -1,5 +1,7 @@
 #include "impid_sampler.h"
 
+#include "impid_assert.h"
+
 #include <string.h>
 
 /* Counters have one writer, the interrupt: load and store need not be one operation. */
@@ -48,6 +50,7 @@ void impid_sampler_tick(impid_sampler_t *sampler, const impid_tick_t *tick) {
     if (!atomic_load_explicit(&sampler->running, memory_order_acquire)) {
         return;
     }
+    IMPID_ASSERT(impid_decimator_ready(&sampler->axis[0]) == impid_decimator_ready(&sampler->axis[1]));
     if (impid_decimator_ready(&sampler->axis[0])) {
         emit(sampler, &sampler->instants[(sampler->newest + 1u) % (IMPID_DELAY_TICKS + 1u)]);
     } else if (atomic_load_explicit(&sampler->produced, memory_order_relaxed) > 0u) {

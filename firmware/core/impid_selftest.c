@@ -1,5 +1,6 @@
 #include "impid_selftest.h"
 
+#include "impid_assert.h"
 #include "impid_messages.h"
 
 #include <string.h>
@@ -53,6 +54,7 @@ static void enter(impid_selftest_t *selftest, impid_selftest_phase_t phase) {
 }
 
 static bool averaged(impid_selftest_t *selftest, uint32_t sums[2], const impid_sample_t *sample) {
+    IMPID_ASSERT(selftest->samples <= IMPID_SELFTEST_MEAN_SAMPLES); /* or the sums may overflow */
     sums[0] += sample->accel[0];
     sums[1] += sample->accel[1];
     return selftest->samples == IMPID_SELFTEST_MEAN_SAMPLES;

@@ -1,5 +1,6 @@
 #include "impid_stream.h"
 
+#include "impid_assert.h"
 #include "impid_sampler.h"
 
 #include <string.h>
@@ -85,6 +86,10 @@ static void add_to_batch(impid_stream_t *stream, const impid_sample_t *sample, u
         stream->first_index = sample->index;
         stream->t0_us = t_us;
     }
+    /* The receiver has no index and no time of the others in a batch. */
+    IMPID_ASSERT(stream->count < IMPID_BATCH_SAMPLES);
+    IMPID_ASSERT(sample->index == stream->first_index + stream->count);
+    IMPID_ASSERT(t_us == stream->t0_us + (uint64_t)stream->count * IMPID_PERIOD_US);
     memcpy(&stream->records[stream->count * IMPID_RECORD_SAMPLE], record, IMPID_RECORD_SAMPLE);
     stream->count++;
     if (stream->count == IMPID_BATCH_SAMPLES) {
@@ -110,6 +115,7 @@ static void send_on_can(impid_stream_t *stream, const impid_sample_t *sample, ui
     if (stream->can_samples_to_time == 0u && send_time(stream, sample, t_us, link, port)) {
         stream->can_samples_to_time = IMPID_CAN_TIME_SAMPLES;
     }
+    IMPID_ASSERT(stream->can_samples_to_time <= IMPID_CAN_TIME_SAMPLES);
     if (stream->can_samples_to_time > 0u) {
         stream->can_samples_to_time--;
     }

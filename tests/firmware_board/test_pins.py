@@ -10,7 +10,7 @@ ROOT = Path(__file__).resolve().parents[2]
 BOARDS = ROOT / "firmware" / "boards"
 # Inputs to which docs/hardware.md lets 5 V come, with their pull off.
 FIVE_VOLT = {f"ENCODER_{n}_{line}" for n in (1, 2) for line in ("A", "B", "FAULT")} | {"SYNC"}
-OUTPUTS = {"SELF_TEST", "LED", "SERIAL_TX", "CAN_TX"}
+OUTPUTS = {"SELF_TEST", "LED", "SERIAL_TX", "CAN_TX", "EDGE"}
 
 
 def structure() -> dict[str, dict[str, str]]:

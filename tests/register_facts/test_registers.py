@@ -48,6 +48,7 @@ SPELLED = {
     "RCC_CFGR_SWS_Msk": "RCC.cfgr.sws=mask",
     "RCC_CFGR_SWS_PLL": "RCC.cfgr.sws=PLL1_P",
     "RCC_CFGR_PPRE1_2": "RCC.cfgr.ppre1=DIV2",
+    "RCC_CFGR_RTCPRE_Pos": "RCC.cfgr.rtcpre=position",
     "RCC_CSR_PINRSTF": "RCC.csr.padrstf=1",
     "RCC_CSR_IWDGRSTF": "RCC.csr.wdgrstf=1",
     "DMA_CR_FROM_MEMORY": "DMA1.st[0].cr.dir=MEMORY_TO_PERIPHERAL",
@@ -81,6 +82,9 @@ SPELLED = {
     "TIM_SR_CC1OF": "TIM4.sr.ccof[0]=1",
     # The description names the code 01 after channel 4's own input.
     "TIM_CCMR1_CC1S_TI1": "TIM2.ccmr_input[0].ccs[0]=TI4",
+    "TIM_CCMR1_IC1PSC_8": "TIM2.ccmr_input[0].icpsc[0]=3",
+    "TIM_CCMR1_OC1M_TOGGLE": "TIM2.ccmr_output[0].ocm[0]=TOGGLE",
+    "TIM_CCMR1_OC1M_FORCE_LOW": "TIM2.ccmr_output[0].ocm[0]=FORCE_INACTIVE",
     "TIM_CCMR1_IC1F(0)": "TIM2.ccmr_input[0].icf[0]=NO_FILTER",
     "TIM_CCMR1_IC1F(1)": "TIM2.ccmr_input[0].icf[0]=FCK_INT_N2",
     "TIM_CCMR1_CC2S_TI2": "TIM2.ccmr_input[0].ccs[1]=TI4",
@@ -113,6 +117,7 @@ STATED = {
     "FLASH_KEY2": 0xCDEF89AB,
     "ADC_VREFINT_CHANNEL": 17,  # RM0390 13.10
     "ADC_CR2_EXTSEL_TIM3": 8 << 24,  # RM0390 13.13.3: 1000, timer 3 TRGO; the field is looked up below
+    "TIM11_OR_TI1_HSE_RTC": 2,  # RM0390 18.5.11: TI1_RMP 10; the register has no fields there
     "SCB_CFSR_MMARVALID": 1 << 7,  # Armv7-M architecture, B3.2.15
     "SCB_CFSR_BFARVALID": 1 << 15,
     "SCB_ICSR_VECTACTIVE": 0x1FF,  # B3.2.4

@@ -14,6 +14,7 @@ SIGNALS = {
     "ENCODER_1_A": ("TIM2", "CH1"), "ENCODER_1_B": ("TIM2", "CH2"), "ENCODER_2_A": ("TIM5", "CH1"),
     "ENCODER_2_B": ("TIM5", "CH2"), "SYNC": ("TIM4", "CH1"), "SERIAL_TX": ("USART2", "TX"),
     "SERIAL_RX": ("USART2", "RX"), "CAN_TX": ("CAN1", "TX"), "CAN_RX": ("CAN1", "RX"),
+    "EDGE": ("TIM3", "CH1"),
 }  # fmt: skip
 
 

@@ -1,8 +1,10 @@
 #include "impid_board.h"
 
+#include "impid_assert.h"
 #include "impid_build.h"
 #include "impid_core.h"
 
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -51,6 +53,12 @@ struct impid_board {
     uint32_t own_flash[IMPID_BOARD_FLASH_WORDS];
     uint32_t *flash; /* this one, or the caller's */
 };
+
+_Noreturn void impid_assert_failed(const char *what) {
+    (void)fprintf(stderr, "the firmware core is wrong: %s does not hold\n",
+                  what != NULL ? what : "something");
+    abort();
+}
 
 static uint32_t port_now_us(void *context) {
     const impid_board *board = context;

@@ -1,5 +1,6 @@
 #include "fault.h"
 
+#include "impid_assert.h"
 #include "impid_crc32.h"
 #include "impid_messages.h"
 #include "interrupts.h"
@@ -112,6 +113,12 @@ static _Noreturn void record_and_reset(fault_kind_t kind, const stacked_t *at, u
 
 _Noreturn void fault_stop(fault_kind_t kind) {
     record_and_reset(kind, NULL, 0u);
+}
+
+_Noreturn void impid_assert_failed(const char *what) {
+    (void)what;
+    const stacked_t at = {.pc = (uint32_t)(uintptr_t)__builtin_return_address(0)};
+    record_and_reset(FAULT_ASSERTION, &at, 0u);
 }
 
 void nmi_handler(void) {

@@ -20,13 +20,13 @@ class Tim11(Peripheral):
     WIDTHS = (2, 4)
     REGISTERS: ClassVar[tuple[Register, ...]] = (
         Register("CR1", 0x00, "18.5.1", modelled=CEN),
-        Register("SR", 0x10, "18.5.4", modelled=ALL),
-        Register("CCMR1", 0x18, "18.5.6", modelled=0x0D),  # CC1S = 01, IC1PSC; no filter
-        Register("CCER", 0x20, "18.5.7", modelled=CC1E),
-        Register("CNT", 0x24, "18.5.8"),
-        Register("ARR", 0x2C, "18.5.10", 0xFFFF),
-        Register("CCR1", 0x34, "18.5.11"),
-        Register("OR", 0x50, "18.5.12", modelled=3),
+        Register("SR", 0x10, "18.5.3", modelled=ALL),
+        Register("CCMR1", 0x18, "18.5.5", modelled=0x0D),  # CC1S = 01, IC1PSC; no filter
+        Register("CCER", 0x20, "18.5.6", modelled=CC1E),
+        Register("CNT", 0x24, "18.5.7"),
+        Register("ARR", 0x2C, "18.5.9", 0xFFFF),
+        Register("CCR1", 0x34, "18.5.10"),
+        Register("OR", 0x50, "18.5.11", modelled=3),
     )
 
     def __init__(self, base: int, soc: "Soc") -> None:
@@ -71,7 +71,7 @@ class Tim11(Peripheral):
         self.value["SR"] &= value
 
     def read_ccr1(self) -> int:
-        """Reading clears CC1IF (18.5.4)."""
+        """Reading clears CC1IF (18.5.3)."""
         self._look()
         self.value["SR"] &= ~CC1IF
         return self.value["CCR1"]
