@@ -47,12 +47,13 @@ def on_can(data: bytes, identifier: int = 0x100, length: int = 8) -> bytes:
 
 
 def update_session() -> bytes:
-    """A whole image for the slot that does not run, a word of it twice, and the end; then half of another."""
+    """A whole image for the slot that does not run, a word twice, words too many; then half of another."""
     words = [0x20004000, 0x08010000 + 512 + 1, *range(6)]
     begin = command(1, "UPDATE_BEGIN", 0, 4 * len(words))
     writes = [command(2 + n, "UPDATE_WRITE", n, word) for n, word in enumerate(words)]
     checksum = zlib.crc32(struct.pack(f"<{len(words)}I", *words))
-    end = [command(40, "UPDATE_END", 0, checksum), command(41, "UPDATE_CONFIRM")]
+    beyond = [command(20 + n, "UPDATE_WRITE", len(words) + n, 1) for n in range(2)]
+    end = [*beyond, command(40, "UPDATE_END", 0, checksum), command(41, "UPDATE_CONFIRM")]
     again = [command(50, "UPDATE_BEGIN", 0, 64), command(51, "UPDATE_WRITE", 0, 7), command(52, "UPDATE_END")]
     sent = [begin, *writes[:3], command(30, "UPDATE_WRITE", 2, words[2]), *writes[3:], *end, *again]
     return b"".join(bytes([SERIAL]) + data for data in sent)
