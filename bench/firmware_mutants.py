@@ -58,11 +58,15 @@ def verdict(image: Path, board: str) -> str | None:
 @main.command()
 @click.option("--jobs", default=1, show_default=True, help="Binaries at a time.")
 @click.option("--only", default="", help="Mistakes whose description or file contains this.")
+@click.option("--lists", default="", help="Lists whose file name contains this, e.g. life.")
 @click.option("--markdown", type=click.Path(dir_okay=False, path_type=Path), help="Where the table goes.")
-def run(jobs: int, only: str, markdown: Path | None) -> None:
+def run(jobs: int, only: str, lists: str, markdown: Path | None) -> None:
     """Builds and judges every mistake, and the firmware without any."""
-    chosen = [mutant for mutant in mutants() if only in mutant.what or only in mutant.file]
-    whole = [Mutant("no mistake", "stm32f446/main.c", "int main(void)", "int main(void)", b) for b in WIRINGS]
+    chosen = [mutant for mutant in mutants(lists) if only in mutant.what or only in mutant.file]
+    whole = [
+        Mutant("no mistake", "boards/stm32f446/main.c", "int main(void)", "int main(void)", b)
+        for b in WIRINGS
+    ]
     workshops: Queue[Workshop] = Queue()
     with TemporaryDirectory() as folder:
         for number in range(jobs):
@@ -102,8 +106,8 @@ def page(found: dict[Mutant, str | None]) -> str:
     lines = [
         "# Mistakes put into the firmware",
         "",
-        f"{len(found)} single mistakes in registers, order of writes, priorities and board headers",
-        "(`bench/firmware_mutation/mutants.toml`), each built as what ships and run in the emulator:",
+        f"{len(found)} single mistakes in registers, order of writes, priorities, board headers, loader,",
+        "slots, update and the migration of settings (`bench/firmware_mutation/mutants*.toml`), each built as what ships and run in the emulator:",
         f"**{len(caught)} caught, {100 * len(caught) / len(found):.1f} %** (required: {100 * REQUIRED:g} %).",
         f"The firmware without a mistake passes all {len(CHECKS)} checks on both boards.",
         "",

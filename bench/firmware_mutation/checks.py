@@ -7,6 +7,8 @@ from pathlib import Path
 import numpy as np
 from impid_host.wire.decoder import SerialDecoder
 
+from firmware_mutation.life import LIFE
+from firmware_mutation.on_bench import ON_BENCH
 from firmware_mutation.session import COMMAND_ID, UID, Session, code
 from firmware_mutation.trouble import TROUBLE
 from hil_sim.board.elf.wiring import Wiring
@@ -228,6 +230,8 @@ CHECKS: tuple[Check, ...] = (
     keeps_priorities,
     takes_a_burst,
     *TROUBLE,
+    *LIFE,
+    *ON_BENCH,
 )
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
-LIST = Path(__file__).with_name("mutants.toml")
+LISTS = sorted(Path(__file__).parent.glob("mutants*.toml"))
 BOARDS = {"nucleo": "nucleo_f446re", "custom": "custom_f446re"}
 COPIED = ("platformio.ini", "firmware")
 
@@ -18,11 +18,11 @@ class MutantError(Exception):
 
 @dataclass(frozen=True)
 class Mutant:
-    """A row of mutants.toml.
+    """A row of the lists.
 
     Attributes:
         what: the mistake, in words.
-        file: below firmware/boards.
+        file: below firmware.
         old, new: text that stands in the file once, and what takes its place.
         board: "nucleo" or "custom".
         harmless: why no check can notice it; empty where one must.
@@ -36,9 +36,12 @@ class Mutant:
     harmless: str = ""
 
 
-def mutants() -> list[Mutant]:
-    """All of them."""
-    return [Mutant(**row) for row in tomllib.loads(LIST.read_text(encoding="utf-8"))["mutant"]]
+def mutants(named: str = "") -> list[Mutant]:
+    """All of the lists whose file's name contains this."""
+    lists = [
+        tomllib.loads(path.read_text(encoding="utf-8"))["mutant"] for path in LISTS if named in path.name
+    ]
+    return [Mutant(**row) for rows in lists for row in rows]
 
 
 class Workshop:
@@ -62,7 +65,7 @@ class Workshop:
         Raises:
             MutantError: the text is not there once, or the compiler refuses what becomes of it.
         """
-        source = self._folder / "firmware" / "boards" / mutant.file
+        source = self._folder / "firmware" / mutant.file
         before = source.read_text(encoding="utf-8")
         if before.count(mutant.old) != 1:
             raise MutantError(
