@@ -1,6 +1,6 @@
 #!/bin/sh
 # Builds the firmware of every board and judges sizes and stack against the budgets.
-# ELF and map: .pio/build/<board>/program.{elf,map}
+# ELF and map: .pio/build/<board>/firmware.{elf,map}
 set -eu
 cd "$(dirname "$0")/.."
 command -v arm-none-eabi-gcc >/dev/null || {
