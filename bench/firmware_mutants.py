@@ -35,17 +35,18 @@ def main() -> None:
 @main.command()
 @click.argument("image", type=click.Path(exists=True, dir_okay=False, path_type=Path))
 @click.argument("board", type=click.Choice(list(WIRINGS)))
-def judge(image: Path, board: str) -> None:
+@click.option("--of-list", default="", help="The checks for the mistakes of this list first.")
+def judge(image: Path, board: str, of_list: str) -> None:
     """Prints the first check that a binary fails; exit status 1 if there is one."""
-    failure = first_failure(image, WIRINGS[board])
+    failure = first_failure(image, WIRINGS[board], of_list)
     print(failure or f"passes all {len(CHECKS)} checks")
     sys.exit(failure is not None)
 
 
-def verdict(image: Path, board: str) -> str | None:
+def verdict(image: Path, board: str, of_list: str) -> str | None:
     """As first_failure, in a process of its own that may hang."""
     done = subprocess.run(
-        ["prlimit", f"--cpu={LIMIT_S}", sys.executable, __file__, "judge", image, board],
+        ["prlimit", f"--cpu={LIMIT_S}", sys.executable, __file__, "judge", image, board, "--of-list", of_list],
         capture_output=True, text=True, check=False,
     )  # fmt: skip
     if done.returncode in (-signal.SIGXCPU, -signal.SIGKILL):
@@ -75,7 +76,7 @@ def run(jobs: int, only: str, lists: str, markdown: Path | None) -> None:
         def examine(mutant: Mutant) -> str | None:
             workshop = workshops.get()
             try:
-                failure = verdict(workshop.build(mutant), mutant.board)
+                failure = verdict(workshop.build(mutant), mutant.board, mutant.of_list)
             finally:
                 workshops.put(workshop)
             print(f"{mutant.what}: {failure or 'survives'}", flush=True)

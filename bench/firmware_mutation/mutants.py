@@ -26,6 +26,7 @@ class Mutant:
         old, new: text that stands in the file once, and what takes its place.
         board: "nucleo" or "custom".
         harmless: why no check can notice it; empty where one must.
+        of_list: name of the list that has it, without its ending.
     """
 
     what: str
@@ -34,14 +35,14 @@ class Mutant:
     new: str
     board: str = "nucleo"
     harmless: str = ""
+    of_list: str = ""
 
 
 def mutants(named: str = "") -> list[Mutant]:
     """All of the lists whose file's name contains this."""
-    lists = [
-        tomllib.loads(path.read_text(encoding="utf-8"))["mutant"] for path in LISTS if named in path.name
-    ]
-    return [Mutant(**row) for rows in lists for row in rows]
+    lists = {path.stem: tomllib.loads(path.read_text(encoding="utf-8")) for path in LISTS}
+    rows = ((stem, row) for stem, content in lists.items() if named in stem for row in content["mutant"])
+    return [Mutant(**row, of_list=stem) for stem, row in rows]
 
 
 class Workshop:
