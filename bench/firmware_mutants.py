@@ -92,7 +92,8 @@ def run(jobs: int, only: str, lists: str, markdown: Path | None) -> None:
         raise click.ClickException(f"the firmware without a mistake fails: {results[: len(whole)]}")
     found = dict(zip(chosen, results[len(whole) :], strict=True))
     if markdown:
-        markdown.write_text(page(found), encoding="utf-8")
+        command = f"run --jobs {jobs}{f' --lists {lists}' if lists else ''} --markdown {markdown}"
+        markdown.write_text(page(found, command), encoding="utf-8")
     caught = sum(failure is not None for failure in found.values())
     unexplained = [m.what for m, failure in found.items() if failure is None and not m.harmless]
     print(f"{caught} of {len(found)} caught ({100 * caught / len(found):.1f} %)")
@@ -100,19 +101,20 @@ def run(jobs: int, only: str, lists: str, markdown: Path | None) -> None:
         raise click.ClickException(f"survivors without an explanation: {unexplained}")
 
 
-def page(found: dict[Mutant, str | None]) -> str:
+def page(found: dict[Mutant, str | None], command: str) -> str:
     """The result in Markdown."""
     caught = [m for m, failure in found.items() if failure is not None]
+    lists = sorted({m.of_list for m in found})
     survivors = [m for m, failure in found.items() if failure is None]
     lines = [
         "# Mistakes put into the firmware",
         "",
-        f"{len(found)} single mistakes in registers, order of writes, priorities, board headers, loader,",
-        "slots, update and the migration of settings (`bench/firmware_mutation/mutants*.toml`), each built as what ships and run in the emulator:",
+        f"{len(found)} single mistakes (`bench/firmware_mutation/{' and '.join(f'{n}.toml' for n in lists)}`),",
+        "each built as what ships and run in the emulator:",
         f"**{len(caught)} caught, {100 * len(caught) / len(found):.1f} %** (required: {100 * REQUIRED:g} %).",
         f"The firmware without a mistake passes all {len(CHECKS)} checks on both boards.",
         "",
-        "Command: `.venv/bin/python bench/firmware_mutants.py run --jobs 2 --markdown docs/validation/mutants.md`",
+        f"Command: `.venv/bin/python bench/firmware_mutants.py {command}`",
         "",
         "## Not caught",
         "",
