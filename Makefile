@@ -55,7 +55,8 @@ test-python: $(STAMP)
 validate: $(STAMP) ## the long forms, with their figures written to docs/validation (several hours)
 	@PATH="$(CURDIR)/$(BIN):$$PATH" scripts/validate_recording.sh
 	scripts/firmware_fuzz.sh -max_total_time=60
-	$(BIN)/python bench/firmware_mutants.py run --jobs 2 --markdown docs/validation/mutants.md
+	$(BIN)/python bench/firmware_mutants.py run --jobs 2 --lists board --markdown docs/validation/mutants.md
+	$(BIN)/python bench/firmware_mutants.py run --jobs 2 --lists life --markdown docs/validation/mutants_life.md
 	$(BIN)/python scripts/validate/first_paper.py
 	$(BIN)/python scripts/validate/tables_residual.py
 	$(BIN)/python bench/cutoff.py 30 --markdown docs/validation/cutoff.md

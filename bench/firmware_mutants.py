@@ -1,6 +1,6 @@
 """Mutation test of the firmware's hardware code: single mistakes, each built, flashed into the emulator and run.
 
-    .venv/bin/python bench/firmware_mutants.py run --jobs 2 --markdown docs/validation/mutants.md
+    .venv/bin/python bench/firmware_mutants.py run --jobs 2 --lists board --markdown docs/validation/mutants.md
     .venv/bin/python bench/firmware_mutants.py run --only DDS
     .venv/bin/python bench/firmware_mutants.py judge .pio/build/nucleo_f446re/firmware.elf nucleo
 
