@@ -3,6 +3,7 @@
 import re
 import struct
 import zlib
+from contextlib import suppress
 from pathlib import Path
 
 from impid_host.link.update import read_firmware
@@ -10,6 +11,8 @@ from impid_host.wire.decoder import SerialDecoder
 from impid_host.wire.messages import RESULT
 
 from firmware_mutation.session import Session
+from hil_sim.board.elf.errors import PowerCut
+from hil_sim.board.elf.flash import Cut
 from hil_sim.board.elf.image import flash
 from hil_sim.board.elf.memory import Memory
 from hil_sim.board.elf.wiring import Wiring
@@ -173,6 +176,21 @@ def takes_an_update(image: Path, wiring: Wiring) -> None:
     assert bytes(memory.flash[SLOTS[0] : SLOTS[1]]) == slot_0, "the slot that runs was touched"
 
 
+def loses_power_at_the_end_of_an_update(image: Path, wiring: Wiring) -> None:
+    """An update counts from the last word of its header on, and not before."""
+    words = [0x2000_4000, FLASH_BASE + SLOTS[1] + HEADER + 0x21, *range(20)]
+    for written in range(4):
+        session = Session(image, wiring)
+        assert answer(session, "UPDATE_BEGIN", 0, 4 * len(words)) == "OK", "UPDATE_BEGIN"
+        for number, value in enumerate(words):
+            session.ask("UPDATE_WRITE", number, value)
+        session.board.soc.flash.cut = Cut(written, 0)
+        with suppress(PowerCut):
+            answer(session, "UPDATE_END", 0, zlib.crc32(struct.pack(f"<{len(words)}I", *words)))
+        session.board.soc.flash.cut = None
+        assert running(Session(session.board.soc.memory, wiring)) == 0, f"{written} words of a header count"
+
+
 def told_by_earlier_firmware(item: int) -> int:
     """As tests/firmware/test_settings_migration has it."""
     return 500 if item == 1 else 32100 + item if item < 4 else 12000 + item if item < 6 else 1000 + item
@@ -253,6 +271,7 @@ LIFE = (
     starts_no_damaged_image,
     outlives_an_image_that_hangs,
     takes_an_update,
+    loses_power_at_the_end_of_an_update,
     keeps_settings_of_earlier_firmware,
     keeps_settings_of_other_firmware,
 )
