@@ -1,5 +1,6 @@
 """Checks of the bench test's part of the firmware, with its wire."""
 
+import struct
 from pathlib import Path
 
 from firmware_mutation.session import Session
@@ -55,14 +56,22 @@ def hears_itself(image: Path, wiring: Wiring) -> None:
     assert session.board.can_take(), "the board does not come back to the bus"
 
 
+def settings_words(session: Session) -> tuple[int, ...]:
+    """Both sectors of the settings as they stand in flash."""
+    return struct.unpack("<8192I", session.board.soc.memory.flash[0x8000:0x10000])
+
+
 def ends_badly_as_told(image: Path, wiring: Wiring) -> None:
     """A save cut off, a main loop that hangs."""
     session = Session(image, wiring)
     session.ask("SET", "ENCODER_1_CPR", 4096)
     session.ask("BENCH", "BENCH_CUT", CUT_WORDS)
+    before = settings_words(session)
     session.board.serial_receive(session.command("SAVE"), session.board.now_us)
     session.run(20)
     assert session.board.reset_requested, "the save is not cut off"
+    written = sum(now != then for now, then in zip(settings_words(session), before, strict=True))
+    assert written == CUT_WORDS, f"{written} words written"
     assert session.reset_cause() == cause("SOFTWARE"), "cut by something else"
     assert session.ask("GET", "ENCODER_1_CPR") == 0, "a save that was cut off counts"
     session.board.serial_receive(session.command("BENCH", "BENCH_HANG"), session.board.now_us)
