@@ -14,9 +14,9 @@ CUT_WORDS = 4
 
 
 def counts_its_external_clock(image: Path, wiring: Wiring) -> None:
-    """8 MHz by the internal oscillator, to one count of 30 ppm."""
+    """8 MHz by the internal oscillator, to one count of 120 ppm."""
     hertz = Session(image, wiring).ask("INFO", "EXTERNAL_CLOCK_HZ")
-    assert abs(hertz - 8e6) <= 300, f"{hertz} Hz"
+    assert abs(hertz - 8e6) <= 1000, f"{hertz} Hz"
 
 
 def moves_its_edge(image: Path, wiring: Wiring) -> None:

@@ -28,7 +28,7 @@ def external_clock(board: BenchBoard) -> list[Result]:
         return [*rows, not_measured(what, "the board has not counted it", silicon)]
     megahertz = info.external_clock_hz / 1e6
     off = 100.0 * (megahertz / max(1, round(megahertz)) - 1)
-    detail = f"{megahertz:.4f} MHz, nominal {round(megahertz)} MHz; one count is 0.003 %"
+    detail = f"{megahertz:.4f} MHz, nominal {round(megahertz)} MHz; one count is 0.012 %"
     bound = _INTERNAL_PERCENT
     return [*rows, Result(what, off, "% off its nominal value", -bound, bound, detail, silicon)]
 
