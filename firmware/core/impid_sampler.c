@@ -35,7 +35,7 @@ static void take_readings(impid_sampler_t *sampler, const impid_tick_t *tick) {
             impid_decimator_push(&sampler->axis[1], tick->adc[2u * i + 1u], sensor->reading_max);
         }
     } else {
-        for (uint32_t i = 0; i < sensor->axes; i++) {
+        for (uint32_t i = 0; i < IMPID_AXES_MAX && i < sensor->axes; i++) {
             sampler->reading[i] = tick->wide[i];
         }
     }
@@ -51,7 +51,7 @@ static bool ready(const impid_sampler_t *sampler) {
 static bool give_codes(const impid_sampler_t *sampler, impid_sample_t *sample) {
     const impid_sensor_t *sensor = sampler->sensor;
     bool saturated = false;
-    for (uint32_t i = 0; i < sensor->axes; i++) {
+    for (uint32_t i = 0; i < IMPID_AXES_MAX && i < sensor->axes; i++) {
         if (filtered(sensor)) {
             impid_decimator_output_t output = impid_decimator_output(&sampler->axis[i], sensor->reading_bits);
             sample->accel[i] = output.code;

@@ -54,7 +54,7 @@ static void judge(impid_selftest_t *selftest) {
         IMPID_MESSAGES_STATUS_HEALTH_SELF_TEST_FAILED_ALL_CHOICE,
     };
     uint32_t failed = 0;
-    for (uint32_t axis = 0; axis < selftest->sensor->axes; axis++) {
+    for (uint32_t axis = 0; axis < IMPID_AXES_MAX && axis < selftest->sensor->axes; axis++) {
         selftest->response_m[axis] = response_m(selftest, axis);
         failed |= within_bounds(selftest, axis) ? 0u : 1u << axis;
     }
@@ -67,7 +67,7 @@ static void enter(impid_selftest_t *selftest, impid_selftest_phase_t phase) {
 }
 
 static bool averaged(impid_selftest_t *selftest, uint32_t *sums, const impid_sample_t *sample) {
-    for (uint32_t axis = 0; axis < selftest->sensor->axes; axis++) {
+    for (uint32_t axis = 0; axis < IMPID_AXES_MAX && axis < selftest->sensor->axes; axis++) {
         sums[axis] += ((uint32_t)sample->accel[axis] << 8) | sample->fine[axis];
     }
     return selftest->samples == IMPID_SELFTEST_MEAN_SAMPLES;
