@@ -164,7 +164,7 @@ class ElfBoard:
 
     def run(
         self,
-        adc: NDArray[np.uint16],
+        adc: NDArray[np.uint16] | NDArray[np.uint32],
         encoder: NDArray[np.int32],
         faults: NDArray[np.uint8] | None = None,
     ) -> None:
