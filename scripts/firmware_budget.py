@@ -213,4 +213,4 @@ def main(boards: list[str]) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:] or ["nucleo_f446re", "custom_f446re"]))
+    sys.exit(main(sys.argv[1:] or ["nucleo_f446re", "custom_f446re", "nucleo_f446re_adxl355"]))

@@ -12,7 +12,7 @@ for tool in cppcheck clang-tidy arm-none-eabi-gcc; do
 done
 
 port=firmware/boards/stm32f446
-for board in nucleo_f446re custom_f446re; do
+for board in nucleo_f446re custom_f446re nucleo_f446re_adxl355; do
     includes="-Ifirmware/core -Ifirmware/generated -I$port -Ifirmware/boards/$board"
     for source in "$port"/*.c; do
         # shellcheck disable=SC2086 # a list of options without spaces

@@ -10,6 +10,7 @@ ROOT = Path(__file__).resolve().parents[2]
 BOARDS = ROOT / "firmware" / "boards"
 # Inputs to which docs/hardware.md lets 5 V come, with their pull off.
 FIVE_VOLT = {f"ENCODER_{n}_{line}" for n in (1, 2) for line in ("A", "B", "FAULT")} | {"SYNC"}
+BOARD_NAMES = ["nucleo_f446re", "custom_f446re", "nucleo_f446re_adxl355"]
 OUTPUTS = {"SELF_TEST", "LED", "SERIAL_TX", "CAN_TX"}
 
 
@@ -32,7 +33,7 @@ def test_the_table_is_whole() -> None:
     assert {row["structure"] for row in table.values()} == {"FT", "TTa"}
 
 
-@pytest.mark.parametrize("board", ["nucleo_f446re", "custom_f446re"])
+@pytest.mark.parametrize("board", BOARD_NAMES)
 def test_each_pin_stands_what_comes_to_it(board: str) -> None:
     table, used = structure(), pins(board)
     assert len(set(used.values())) == len(used), "a pin carries two signals"
@@ -46,7 +47,7 @@ def test_each_pin_stands_what_comes_to_it(board: str) -> None:
         assert "debug port" not in table[pin]["note"], f"{name} on {pin} locks the debugger out"
 
 
-@pytest.mark.parametrize("board", ["nucleo_f446re", "custom_f446re"])
+@pytest.mark.parametrize("board", BOARD_NAMES)
 def test_the_page_warns_of_inputs_that_have_a_pull_from_reset_on(board: str) -> None:
     table, used = structure(), pins(board)
     held = {used[name] for name in FIVE_VOLT if table[used[name]]["reset_pull"] != "none"}

@@ -45,7 +45,7 @@ def pio(workspace: Path, *arguments: str, path: str = "") -> subprocess.Complete
 def test_run_alone_builds_what_ships(workspace: Path) -> None:
     done = pio(workspace, "run")
     assert done.returncode == 0, done.stdout + done.stderr
-    for board in ("nucleo_f446re", "custom_f446re"):
+    for board in ("nucleo_f446re", "custom_f446re", "nucleo_f446re_adxl355"):
         assert f"Processing {board}" in done.stdout
         assert (workspace / board / "firmware.elf").is_file()
     assert "Processing native" not in done.stdout
@@ -96,7 +96,7 @@ def test_a_probe_that_does_not_exist_is_refused(workspace: Path, tmp_path: Path)
     assert "telepathy is not known" in done.stdout + done.stderr
 
 
-@pytest.mark.parametrize("board", ["nucleo_f446re", "custom_f446re"])
+@pytest.mark.parametrize("board", ["nucleo_f446re", "custom_f446re", "nucleo_f446re_adxl355"])
 def test_the_monitor_runs_at_the_speed_of_the_board(workspace: Path, board: str) -> None:
     """921600 baud: the rate of `serial.c`, which the shipping binary sets and the emulator checks."""
     config = dict(json.loads(pio(workspace, "project", "config", "--json-output").stdout))

@@ -7,13 +7,18 @@ import chip
 import header
 import pytest
 
-BOARDS = ["nucleo_f446re", "custom_f446re"]
+BOARDS = ["nucleo_f446re", "custom_f446re", "nucleo_f446re_adxl355"]
 SOURCES = {path.name: path.read_text(encoding="utf-8") for path in header.PORT.glob("*.[ch]")}
 # Which signal of which peripheral a pin of the board header carries.
 SIGNALS = {
     "ENCODER_1_A": ("TIM2", "CH1"), "ENCODER_1_B": ("TIM2", "CH2"), "ENCODER_2_A": ("TIM5", "CH1"),
     "ENCODER_2_B": ("TIM5", "CH2"), "SYNC": ("TIM4", "CH1"), "SERIAL_TX": ("USART2", "TX"),
     "SERIAL_RX": ("USART2", "RX"), "CAN_TX": ("CAN1", "TX"), "CAN_RX": ("CAN1", "RX"),
+}  # fmt: skip
+# And of a board with a digital sensor.
+DIGITAL = {
+    "SPI_SCK": ("SPI2", "SCK"), "SPI_MISO": ("SPI2", "MISO"), "SPI_MOSI": ("SPI2", "MOSI"),
+    "SPI_SYNC": ("TIM1", "CH2"),
 }  # fmt: skip
 
 
@@ -51,10 +56,12 @@ def test_every_interrupt_has_its_number() -> None:
 def test_every_pin_has_the_alternate_function_of_its_signal(name: str) -> None:
     used = pins(name)
     told = alternate_functions()
-    for signal, (peripheral, channel) in SIGNALS.items():
+    signals = SIGNALS | (DIGITAL if "SPI_CS" in used else {})
+    for signal, (peripheral, channel) in signals.items():
         assert functions(peripheral, channel)[used[signal]] == told[peripheral], (signal, used[signal])
     calls = re.findall(r"pin_alternate\(BOARD_(\w+), AF_(\w+),", "\n".join(SOURCES.values()))
-    assert dict(calls) == {signal: peripheral for signal, (peripheral, _) in SIGNALS.items()}
+    expected = {signal: peripheral for signal, (peripheral, _) in (SIGNALS | DIGITAL).items()}
+    assert dict(calls) == expected
 
 
 @pytest.mark.parametrize("name", BOARDS)
