@@ -127,18 +127,7 @@ PROCESSOR = ("SCB", "NVIC_ISER", "SCB_AIRCR_RESET")
 RCC_ENABLE = re.compile(r"RCC_(A[HP]B\dENR)_(\w+)")
 
 
-def bits(spelled: str | int) -> int:
-    if isinstance(spelled, int):
-        return spelled
-    place, _, value = spelled.rpartition("=")
-    peripheral, rest = place.split(".", 1)
-    path, name = rest.rsplit(".", 1)
-    position, width, named = chip.field(peripheral, path, name)
-    if value == "position":
-        return position
-    number = (1 << width) - 1 if value == "mask" else int(value) if value.isdigit() else named[value]
-    assert number < 1 << width
-    return number << position
+bits = chip.F446.bits
 
 
 def register_path(peripheral: str, name: str) -> str:

@@ -8,7 +8,7 @@ import header
 import pytest
 
 BOARDS = ["nucleo_f446re", "custom_f446re", "nucleo_f446re_adxl355"]
-SOURCES = {path.name: path.read_text(encoding="utf-8") for path in header.PORT.glob("*.[ch]")}
+SOURCES = header.F446.sources()
 # Which signal of which peripheral a pin of the board header carries.
 SIGNALS = {
     "ENCODER_1_A": ("TIM2", "CH1"), "ENCODER_1_B": ("TIM2", "CH2"), "ENCODER_2_A": ("TIM5", "CH1"),
@@ -96,7 +96,7 @@ def test_every_stream_serves_the_request_that_its_channel_selects() -> None:
 
 
 def test_the_settings_lie_in_sectors_of_their_own() -> None:
-    chip_text = (chip.crate("stm32-metapac") / "chips" / "stm32f446re" / "metadata.rs").read_text()
+    chip_text = chip.F446.metadata()
     regions = re.findall(
         r"kind: MemoryRegionKind::Flash,\s+address: (0x[0-9a-f]+),\s+size: (\d+),.*?erase_size: (\d+)",
         chip_text, re.DOTALL,

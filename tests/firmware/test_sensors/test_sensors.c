@@ -170,13 +170,14 @@ static void test_info_of_the_digital_sensor(void) {
 static void test_info_of_the_analog_sensors(void) {
     const impid_sensor_t *sensors[] = {NULL, &impid_adxl203, &impid_adxl203_oversampled};
     const uint32_t bits[] = {12, 12, 16};
+    const uint32_t delays_us[] = {2006, 2006, 2000};
     for (uint32_t i = 0; i < 3u; i++) {
         begin(sensors[i]);
         TEST_ASSERT_EQUAL_UINT32(1, info(IMPID_MESSAGES_COMMAND_ITEM_SENSOR_CHOICE));
         TEST_ASSERT_EQUAL_UINT32(2, info(IMPID_MESSAGES_COMMAND_ITEM_AXES_CHOICE));
         TEST_ASSERT_EQUAL_UINT32(bits[i], info(IMPID_MESSAGES_COMMAND_ITEM_READING_BITS_CHOICE));
         TEST_ASSERT_EQUAL_UINT32(8, info(IMPID_MESSAGES_COMMAND_ITEM_OVERSAMPLING_CHOICE));
-        TEST_ASSERT_EQUAL_UINT32(2006, info(IMPID_MESSAGES_COMMAND_ITEM_GROUP_DELAY_US_CHOICE));
+        TEST_ASSERT_EQUAL_UINT32(delays_us[i], info(IMPID_MESSAGES_COMMAND_ITEM_GROUP_DELAY_US_CHOICE));
         TEST_ASSERT_EQUAL_UINT32(65536, info(IMPID_MESSAGES_COMMAND_ITEM_FULL_SCALE_CODE_CHOICE));
         TEST_ASSERT_EQUAL_UINT32(3300, info(IMPID_MESSAGES_COMMAND_ITEM_VREF_MV_CHOICE));
         (void)info(IMPID_MESSAGES_COMMAND_ITEM_SELF_TEST_Z_MV_CHOICE);
