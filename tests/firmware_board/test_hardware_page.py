@@ -48,7 +48,10 @@ def test_the_page_names_the_pin_of_the_header(name: str) -> None:
 
 
 OTHERS = {
-    "nucleo_f446re_adxl355": ("## ADXL355 in place of the ADXL203", ("SPI_CS", "SPI_SCK", "SPI_MISO", "SPI_MOSI", "SPI_SYNC")),
+    "nucleo_f446re_adxl355": (
+        "## ADXL355 in place of the ADXL203",
+        ("SPI_CS", "SPI_SCK", "SPI_MISO", "SPI_MOSI", "SPI_SYNC"),
+    ),
     "nucleo_g474re": ("## Nucleo-G474RE", ("ENCODER_1_FAULT", "ENCODER_2_FAULT", "CAN_TX", "CAN_RX")),
 }  # fmt: skip
 

@@ -136,7 +136,7 @@ def test_the_stack_is_lowest_and_what_outlives_a_reset_is_not_cleared(elf: Elf) 
 
 
 def test_everything_lies_where_the_map_of_the_flash_has_it(elf: Elf) -> None:
-    """F446: sectors of 16 KiB at 0x08000000, of 64 KiB at 0x08010000, of 128 KiB at 0x08020000 (RM0390 3.3)."""
+    """F446: sectors of 16 KiB at 0x08000000, 64 KiB at 0x08010000, 128 KiB at 0x08020000 (RM0390 3.3)."""
     _, data_size = elf.sections[".data"]
     loader_at, loader_size = elf.sections[".loader"]
     assert loader_at == elf.symbols["loader_vectors"] == 0x08000000, "the processor starts there"
