@@ -1,7 +1,7 @@
 """The second chip's flash driver: its code on its processor, the flash as RM0440 describes it.
 
-Of the chip there are only the processor, the RAM and this flash: 64 bits at a time, written once between erases,
-then to zero alone; pages of 2 KiB in two banks; keys before anything.
+Of the chip there are only the processor, the RAM and this flash: 64 bits at a time, written once between
+erases, then to zero alone; pages of 2 KiB in two banks; keys before anything.
 """
 
 import struct

@@ -30,8 +30,8 @@ WORDS = {
 
 
 def rows(page: str) -> dict[str, str]:
-    """Pin by purpose, from the page's table."""
-    text = (ROOT / page).read_text(encoding="utf-8")
+    """Pin by purpose, from the page's table of the first board."""
+    text = (ROOT / page).read_text(encoding="utf-8").split("## Pins")[1].split("\n## ")[0]
     return {
         row[2].strip(): row[0].strip() for row in re.findall(r"^\| (P[^|]*)\|([^|]*)\|([^|]*)\|", text, re.M)
     }
@@ -52,7 +52,7 @@ OTHERS = {
         "## ADXL355 in place of the ADXL203",
         ("SPI_CS", "SPI_SCK", "SPI_MISO", "SPI_MOSI", "SPI_SYNC"),
     ),
-    "nucleo_g474re": ("## Nucleo-G474RE", ("ENCODER_1_FAULT", "ENCODER_2_FAULT", "CAN_TX", "CAN_RX")),
+    "nucleo_g474re": ("## Nucleo-G474RE", ("ENCODER_1_FAULT", "CAN_TX", "CAN_RX")),
 }  # fmt: skip
 
 
