@@ -1,8 +1,8 @@
 """A discrepancy allowance: what is left unexplained may lean on M, B, K and alpha; their intervals say so.
 
 A structure of rms s in a channel in which the noise has rms n moves a parameter by at most s / n times what
-the noise would, were it as slow as the noise is; the intervals are widened by that factor and a constant,
-calibrated on effects outside the catalogue (Kennedy and O'Hagan, J. R. Stat. Soc. B 63, 2001).
+the noise would, were it as slow as the noise is; intervals are widened by that factor and a constant (after
+Kennedy and O'Hagan, J. R. Stat. Soc. B 63, 2001). The constant is a guess: nothing has calibrated it yet.
 """
 
 from collections.abc import Mapping

@@ -11,10 +11,10 @@ from impid_host.diagnosis.leftover import Leftover, believable, changes, left_ov
 from impid_host.diagnosis.refit import refit
 from impid_host.diagnosis.result import Chosen, Evidence, Rival
 from impid_host.diagnosis.score import Explanation, difference
-from impid_host.diagnosis.search import RULES, Found, Walk, search
+from impid_host.diagnosis.search import Found, Walk, search
 from impid_host.diagnosis.table import Table, residuals, swept
 from impid_host.diagnosis.ties import chosen_slots
-from impid_host.effects.effect import Term
+from impid_host.effects.effect import Kind, Term, no_gate
 
 _MARGIN_S = 1.0  # left out around an event
 _LARGE = 1.0  # an effect that lowers a channel's mean squared innovation by so many times the noise's
@@ -100,7 +100,7 @@ def _sharpened(case: Case, found: Found) -> Found:
 
 
 def _ungated(term: Term) -> Term:
-    return replace(term, gate=lambda _beta, _shape: True, effect=term.effect)
+    return replace(term, gate=no_gate)
 
 
 def _is_large(found: Found, s: int) -> bool:
@@ -117,7 +117,7 @@ def _in_table(found: Found, parts: Sequence[Chosen]) -> Found:
         known = [
             k
             for k, slot in enumerate(walk.table.slots)
-            if _kind(slot.term) == _kind(part.term) and abs(slot.shape - part.shape) <= 1e-3 * abs(part.shape)
+            if slot.term.kind == part.term.kind and abs(slot.shape - part.shape) <= 1e-3 * abs(part.shape)
         ]
         if not known:
             walk.table = walk.table.with_shapes(part.term, [part.shape])
@@ -126,12 +126,8 @@ def _in_table(found: Found, parts: Sequence[Chosen]) -> Found:
     return Found(walk, walk.score(tuple(slots)))
 
 
-def _kind(term: Term) -> tuple[str, tuple[str, ...], str, str]:
-    return (term.effect, term.where, term.variant, term.when)
-
-
-def _names(walk: Walk, own: Explanation) -> frozenset[tuple[str, tuple[str, ...], str, str]]:
-    return frozenset(_kind(walk.table.term(s)) for s in own.slots)
+def _names(walk: Walk, own: Explanation) -> frozenset[Kind]:
+    return frozenset(walk.table.term(s).kind for s in own.slots)
 
 
 def _adequate(case: Case, found: Found, pushed: tuple[Event, ...]) -> Choice:
@@ -192,6 +188,3 @@ def _runner_up(choice: Choice, s: int) -> Rival | None:
         if others:
             return Rival(*others[0], margin=choice.best.total - own.total)
     return None
-
-
-__all__ = ["RULES", "Choice", "chosen", "evidence_of", "ordered"]

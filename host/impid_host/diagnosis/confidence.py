@@ -1,8 +1,8 @@
-"""How probable it is that a name is right, from how well all explanations that were scored predict.
+"""How sure a name is, from how well all explanations that were scored predict.
 
 Weights by the Bayesian bootstrap over blocks (pseudo-BMA+: Yao, Vehtari, Simpson and Gelman, Bayesian
-Analysis 13, 2018), then set to what they have meant on simulated laboratories: of names given with 0.9, nine
-of ten were right.
+Analysis 13, 2018), flattened. The flattening was set by hand on a few simulated laboratories and no campaign
+has calibrated it: 0.9 does not mean yet that nine of ten such names are right.
 """
 
 from collections.abc import Sequence
@@ -13,7 +13,7 @@ from impid_host.diagnosis.score import Explanation
 from impid_host.diagnosis.table import Table
 
 _DRAWS = 200
-# Logistic calibration of the weights' log-odds, fitted on development seeds (docs/validation/diagnosis.md).
+# A logistic map of the weights' log-odds; not calibrated yet (docs/diagnosis.md).
 _LEVEL, _SLOPE = 1.6, 0.6
 _SUREST = 0.995
 

@@ -18,7 +18,7 @@ from impid_host.diagnosis.prepare import HIGHEST_OF_RATE, views
 from impid_host.diagnosis.proof import aligned, chain_of, channel
 from impid_host.diagnosis.result import Chosen
 from impid_host.diagnosis.reuse import carried, require_same_robot
-from impid_host.diagnosis.saved import SavedModel, file_hashes
+from impid_host.diagnosis.saved import SavedModel, same_files
 from impid_host.diagnosis.saved_parts import SavedStage
 from impid_host.effects.effect import Ranges
 from impid_host.effects.view import View
@@ -190,7 +190,7 @@ def judge(
         left_out.all,
         again.all,
         notes.all,
-        tuple(name for study in studies for name in _same_files(saved, study)),
+        tuple(name for study in studies for name in same_files(saved, study)),
         all(robot_model(studies[0].setup.robot).prismatic),
     )
 
@@ -208,12 +208,6 @@ class _Lines:
     @property
     def all(self) -> tuple[str, ...]:
         return tuple(self._seen)
-
-
-def _same_files(saved: SavedModel, study: Study) -> list[str]:
-    files = {} if study.source is None else file_hashes(study.source)
-    known = set(saved.data_sha256.values())
-    return [name for name, digest in files.items() if name.endswith(".csv") and digest in known]
 
 
 def predict(

@@ -13,7 +13,7 @@ from impid_host.diagnosis.parameters import at, count_of, vector_of
 from impid_host.diagnosis.prepare import setting_of, views
 from impid_host.diagnosis.proof import aligned
 from impid_host.diagnosis.result import Chosen
-from impid_host.diagnosis.saved import SavedModel, file_hashes
+from impid_host.diagnosis.saved import SavedModel, same_files
 from impid_host.diagnosis.saved_parts import SavedEffect
 from impid_host.effects.catalogue import CATALOGUE, terms
 from impid_host.effects.effect import Ranges, Term
@@ -96,12 +96,6 @@ def fit_with_model(
         known = _saved_robot(saved, structure.parameter_names)
         robot = RobotParameters(structure, known[0], known[1], "saved model")
     origin = "the saved model" if known is not None else "this study's own trials"
-    files = {} if study.source is None else file_hashes(study.source)
-    same = tuple(
-        name
-        for name, digest in files.items()
-        if name.endswith(".csv") and digest in saved.data_sha256.values()
-    )
 
     def fitted(present: Sequence[Chosen]) -> StudyFit:
         trials = cleaned_trials(parts, present, base)
@@ -113,7 +107,7 @@ def fit_with_model(
     result = _widened(plain, chosen, fitted)
     labels = tuple(dict.fromkeys(part.term.label for part in chosen))
     return result, Provenance(
-        saved.path.name, saved.study, saved.made_by, labels, tuple(left_out), origin, same
+        saved.path.name, saved.study, saved.made_by, labels, tuple(left_out), origin, same_files(saved, study)
     )
 
 

@@ -277,5 +277,12 @@ def file_hashes(folder: Path) -> dict[str, str]:
     }
 
 
+def same_files(saved: SavedModel, study: Study) -> tuple[str, ...]:
+    """Logs of the study on which the model was found, by path within the study."""
+    files = {} if study.source is None else file_hashes(study.source)
+    known = set(saved.data_sha256.values())
+    return tuple(name for name, digest in files.items() if name.endswith(".csv") and digest in known)
+
+
 def _number(number: Number) -> Json:
     return {"value": number.value.tolist(), "ci95": number.ci95.tolist(), "unit": number.unit}

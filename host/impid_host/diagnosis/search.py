@@ -15,7 +15,7 @@ from impid_host.diagnosis.rows import Key
 from impid_host.diagnosis.score import Explanation, Scorer, difference
 from impid_host.diagnosis.table import Table, residuals, swept
 from impid_host.effects.bounds import negligible, of_machine, possible
-from impid_host.effects.effect import Term
+from impid_host.effects.effect import Kind
 from impid_host.signals.arrays import Floats
 
 
@@ -51,7 +51,6 @@ class Rules:
 RULES = Rules()
 _FINER = 7
 _WORTH_REFINING = 0.5  # of the best contender's score
-_Kind = tuple[str, tuple[str, ...], str, str]
 
 
 @dataclass(frozen=True, slots=True)
@@ -239,14 +238,14 @@ class Walk:
             if score > 0:
                 scored.append((score, s))
         result: dict[int, bool] = {}
-        seen: set[_Kind] = set()
+        seen: set[Kind] = set()
         room = {True: self.rules.contenders, False: self.rules.contenders // 2}
         top = max(scored, default=(0.0, 0))[0]
         for score, s in sorted(scored, reverse=True):
             term = self.table.term(s)
-            if _kind(term) in seen or room[term.named] == 0:
+            if term.kind in seen or room[term.named] == 0:
                 continue
-            seen.add(_kind(term))
+            seen.add(term.kind)
             room[term.named] -= 1
             result[s] = score > _WORTH_REFINING * top
         return result
@@ -266,10 +265,6 @@ class Walk:
         return tuple(result)
 
 
-def _kind(term: Term) -> _Kind:
-    return (term.effect, term.where, term.variant, term.when)
-
-
 def _place(table: Table, s: int) -> tuple[str, tuple[str, ...], str]:
     """What must not be in a set twice: an effect at one place; an unnamed structure of one form."""
     term = table.term(s)
@@ -278,10 +273,10 @@ def _place(table: Table, s: int) -> tuple[str, tuple[str, ...], str]:
 
 def _distinct(found: Sequence[Explanation], walk: Walk) -> list[Explanation]:
     """Best first; of sets that differ in nothing but finer shapes the best."""
-    seen: set[frozenset[_Kind]] = set()
+    seen: set[frozenset[Kind]] = set()
     result = []
     for own in sorted(found, key=lambda e: -e.total):
-        name = frozenset(_kind(walk.table.term(s)) for s in own.slots)
+        name = frozenset(walk.table.term(s).kind for s in own.slots)
         if name not in seen:
             seen.add(name)
             result.append(own)

@@ -19,6 +19,7 @@ Value = Plain | dict[str, Plain]
 """A reported parameter; where trials or loads have one each, by their name."""
 When = Literal["all", "free", "load"]
 Carries = Literal["machine", "record", "load"]
+Kind = tuple[str, tuple[str, ...], str, When]
 Fit = Callable[[View, float], Columns]
 Read = Callable[[Floats, float], Mapping[str, Value]]
 Gate = Callable[[Floats, float], bool]
@@ -178,6 +179,11 @@ class Term:
     def label(self) -> str:
         """`name@place`, as in `ambiguous`."""
         return f"{self.effect}@{'+'.join(self.where)}"
+
+    @property
+    def kind(self) -> Kind:
+        """What the term is whatever its shape: effect, place, variant, and the trials in which it acts."""
+        return (self.effect, self.where, self.variant, self.when)
 
     @property
     def named(self) -> bool:
