@@ -30,9 +30,12 @@ static bool filtered(const impid_sensor_t *sensor) {
 static void take_readings(impid_sampler_t *sampler, const impid_tick_t *tick) {
     const impid_sensor_t *sensor = sampler->sensor;
     if (filtered(sensor)) {
+        /* Read once: the compiler cannot know that the history's bytes are not these. */
+        const uint16_t *adc = tick->adc;
+        uint32_t rail = sensor->reading_max;
         for (uint32_t i = 0; i < IMPID_OVERSAMPLING; i++) {
-            impid_decimator_push(&sampler->axis[0], tick->adc[2u * i], sensor->reading_max);
-            impid_decimator_push(&sampler->axis[1], tick->adc[2u * i + 1u], sensor->reading_max);
+            impid_decimator_push(&sampler->axis[0], adc[2u * i], rail);
+            impid_decimator_push(&sampler->axis[1], adc[2u * i + 1u], rail);
         }
     } else {
         for (uint32_t i = 0; i < IMPID_AXES_MAX && i < sensor->axes; i++) {
