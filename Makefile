@@ -38,7 +38,7 @@ lint: $(STAMP)
 	scripts/check_firmware.sh
 	scripts/firmware_check.sh
 
-firmware: $(STAMP) ## build both boards and print sizes and stack against their budgets
+firmware: $(STAMP) ## build all boards and print sizes and stack against their budgets
 	scripts/system_packages.sh
 	scripts/firmware_build.sh
 

@@ -37,23 +37,33 @@ static answer_t info(const impid_core_t *core, uint8_t item) {
     case IMPID_MESSAGES_COMMAND_ITEM_SAMPLE_RATE_HZ_CHOICE:
         return ok(IMPID_SAMPLE_RATE_HZ);
     case IMPID_MESSAGES_COMMAND_ITEM_GROUP_DELAY_US_CHOICE:
-        return ok(IMPID_GROUP_DELAY_US);
+        return ok(config->sensor->group_delay_us);
     case IMPID_MESSAGES_COMMAND_ITEM_FULL_SCALE_CODE_CHOICE:
-        return ok(IMPID_FULL_SCALE_CODE);
+        return ok(config->sensor->wide ? 1u << 24 : 1u << 16);
     case IMPID_MESSAGES_COMMAND_ITEM_VREF_MV_CHOICE:
-        return ok(core->port->health(core->port->context).supply_mV);
+        return ok(config->sensor->full_scale_m != 0u ? config->sensor->full_scale_m
+                                                     : core->port->health(core->port->context).supply_mV);
     case IMPID_MESSAGES_COMMAND_ITEM_BATCH_SAMPLES_CHOICE:
         return ok(IMPID_BATCH_SAMPLES);
     case IMPID_MESSAGES_COMMAND_ITEM_OVERSAMPLING_CHOICE:
-        return ok(IMPID_OVERSAMPLING);
+        return ok(config->sensor->readings);
     case IMPID_MESSAGES_COMMAND_ITEM_RESET_CAUSE_CHOICE:
         return ok(config->reset_cause);
     case IMPID_MESSAGES_COMMAND_ITEM_CLOCK_SOURCE_CHOICE:
         return ok(config->clock_source);
     case IMPID_MESSAGES_COMMAND_ITEM_SELF_TEST_X_MV_CHOICE:
-        return ok((uint32_t)core->selftest.response_mV[0]);
+        return ok((uint32_t)core->selftest.response_m[0]);
     case IMPID_MESSAGES_COMMAND_ITEM_SELF_TEST_Y_MV_CHOICE:
-        return ok((uint32_t)core->selftest.response_mV[1]);
+        return ok((uint32_t)core->selftest.response_m[1]);
+    case IMPID_MESSAGES_COMMAND_ITEM_SELF_TEST_Z_MV_CHOICE:
+        return config->sensor->axes > 2u ? ok((uint32_t)core->selftest.response_m[IMPID_AXES_MAX - 1u])
+                                         : refused(IMPID_MESSAGES_RESPONSE_RESULT_BAD_ITEM_CHOICE);
+    case IMPID_MESSAGES_COMMAND_ITEM_SENSOR_CHOICE:
+        return ok(config->sensor->id);
+    case IMPID_MESSAGES_COMMAND_ITEM_AXES_CHOICE:
+        return ok(config->sensor->axes);
+    case IMPID_MESSAGES_COMMAND_ITEM_READING_BITS_CHOICE:
+        return ok(config->sensor->reading_bits);
     case IMPID_MESSAGES_COMMAND_ITEM_SYNC_US_CHOICE:
         return ok(core->port->health(core->port->context).sync_us);
     case IMPID_MESSAGES_COMMAND_ITEM_SYNC_COUNT_CHOICE:

@@ -9,11 +9,14 @@ void impid_core_init(impid_core_t *core, const impid_core_config_t *config, cons
     memset(core, 0, sizeof *core);
     core->config = *config;
     core->port = port;
+    if (core->config.sensor == NULL) {
+        core->config.sensor = &impid_adxl203;
+    }
     core->status_at_us = config->boot_us + IMPID_STATUS_PERIOD_US;
-    impid_sampler_init(&core->sampler);
+    impid_sampler_init(&core->sampler, core->config.sensor);
     impid_timebase_init(&core->timebase, config->boot_us);
-    impid_stream_init(&core->stream, config->boot_id, config->first_index);
-    impid_selftest_init(&core->selftest);
+    impid_stream_init(&core->stream, config->boot_id, config->first_index, core->config.sensor->wide);
+    impid_selftest_init(&core->selftest, core->config.sensor);
     impid_frame_parser_init(&core->parser);
     impid_update_init(&core->update, config->slots);
     impid_bench_init(&core->bench, config->bench);

@@ -23,6 +23,7 @@
 #define IMPID_FIRMWARE_VERSION 0x000200u /* major << 16 | minor << 8 | patch */
 
 typedef struct {
+    const impid_sensor_t *sensor; /* NULL: impid_adxl203 */
     uint32_t uid[3];
     uint32_t board_id;     /* CRC-32 of the board's name: an image is for one kind of board */
     uint32_t build_commit; /* impid_build.h */

@@ -13,8 +13,8 @@ import pytest
 
 PERIPHERAL = {
     "FLASH": "FLASH", "PWR": "PWR", "RCC": "RCC", "DMA": "DMA1", "DMA1": "DMA1", "DMA2": "DMA2",
-    "ADC": "ADC1", "ADC_COMMON": "ADC123_COMMON", "TIM": "TIM2", "IWDG": "IWDG", "USART": "USART2",
-    "CAN": "CAN1", "UNIQUE_ID": "UID",
+    "ADC": "ADC1", "ADC_COMMON": "ADC123_COMMON", "TIM": "TIM2", "TIM1": "TIM1", "IWDG": "IWDG",
+    "USART": "USART2", "CAN": "CAN1", "SPI": "SPI2", "UNIQUE_ID": "UID",
 }  # fmt: skip
 # Registers whose name in the manual differs from that of the description.
 REGISTER = {
@@ -24,7 +24,8 @@ REGISTER = {
     "TIM2.CCMR1": "ccmr_input[0]",
     "TIM2.CCMR2": "ccmr_input[1]", "GPIOA.AFR[1]": "afr[1]", "ADC1.JOFR[1]": "jofr[1]",
     "ADC1.JDR[1]": "jdr[1]",
-    **{f"TIM2.CCR{n}": f"ccr[{n - 1}]" for n in (1, 2, 3, 4)},
+    "TIM1.CCMR1": "ccmr_output[0]", "TIM1.CCMR2": "ccmr_output[1]",
+    **{f"{timer}.CCR{n}": f"ccr[{n - 1}]" for timer in ("TIM1", "TIM2") for n in (1, 2, 3, 4)},
 }  # fmt: skip
 FLAGS = ("feif", "dmeif", "teif", "htif", "tcif")
 SPELLED = {
@@ -93,6 +94,9 @@ SPELLED = {
     "TIM_CCMR2_CC3S_TRC": "TIM2.ccmr_input[1].ccs[0]=TRC",
     "TIM_CCER_CC1E": "TIM2.ccer.cce[0]=1",
     "TIM_CCER_CC3E": "TIM2.ccer.cce[2]=1",
+    "TIM1_CCMR1_OC2M_PWM2": "TIM1.ccmr_output[0].ocm[1]=PWM_MODE2",
+    "TIM1_CCER_CC2E": "TIM1.ccer.cce[1]=1",
+    "SPI_CR1_BR_8": "SPI2.cr1.br=DIV8",
     "IWDG_KR_UNLOCK": "IWDG.kr.key=ENABLE",
     "IWDG_KR_REFRESH": "IWDG.kr.key=RESET",
     "IWDG_KR_START": "IWDG.kr.key=START",
@@ -128,18 +132,7 @@ PROCESSOR = ("SCB", "NVIC_ISER", "SCB_AIRCR_RESET")
 RCC_ENABLE = re.compile(r"RCC_(A[HP]B\dENR)_(\w+)")
 
 
-def bits(spelled: str | int) -> int:
-    if isinstance(spelled, int):
-        return spelled
-    place, _, value = spelled.rpartition("=")
-    peripheral, rest = place.split(".", 1)
-    path, name = rest.rsplit(".", 1)
-    position, width, named = chip.field(peripheral, path, name)
-    if value == "position":
-        return position
-    number = (1 << width) - 1 if value == "mask" else int(value) if value.isdigit() else named[value]
-    assert number < 1 << width
-    return number << position
+bits = chip.F446.bits
 
 
 def register_path(peripheral: str, name: str) -> str:

@@ -8,6 +8,9 @@
 
 #define BOARD_ID 0x701DFFD1u /* CRC-32 of "custom_f446re" */
 
+#define BOARD_SENSOR  impid_adxl203
+#define BOARD_DIGITAL false /* its outputs are voltages */
+
 #define BOARD_HSE_MHZ    8u
 #define BOARD_HSE_BYPASS false /* a crystal */
 

@@ -7,6 +7,9 @@
 
 #define BOARD_ID 0x7AB5179Bu /* CRC-32 of "nucleo_f446re" */
 
+#define BOARD_SENSOR  impid_adxl203
+#define BOARD_DIGITAL false /* its outputs are voltages */
+
 #define BOARD_HSE_MHZ    8u   /* from the ST-LINK, */
 #define BOARD_HSE_BYPASS true /* a clock signal, not a crystal */
 

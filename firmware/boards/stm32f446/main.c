@@ -1,4 +1,5 @@
 /* The board: brings the hardware up, gives the core its port, and runs the main loop. */
+#include "adxl355.h"
 #include "bench.h"
 #include "board.h"
 #include "can.h"
@@ -46,7 +47,11 @@ static uint32_t port_backlog_us(void *context, impid_carrier_t carrier) {
 
 static void port_self_test_pin(void *context, bool drive) {
     (void)context;
-    pin_write(BOARD_SELF_TEST, drive);
+    if (BOARD_DIGITAL) {
+        adxl355_self_test(drive);
+    } else {
+        pin_write(BOARD_SELF_TEST, drive);
+    }
 }
 
 static impid_port_health_t port_health(void *context) {
@@ -142,6 +147,7 @@ int main(void) {
     uint32_t boot_count = impid_settings_count_boot(&settings);
 
     impid_core_config_t config = {
+        .sensor = &BOARD_SENSOR,
         .uid = {UNIQUE_ID[0], UNIQUE_ID[1], UNIQUE_ID[2]},
         .board_id = BOARD_ID,
         .build_commit = IMPID_BUILD_COMMIT,
@@ -159,6 +165,9 @@ int main(void) {
         .trace = fault_trace(),
     };
     impid_core_init(&core, &config, &port);
+    if (BOARD_DIGITAL) {
+        adxl355_start();
+    }
     sampling_start(&core); /* the time first: receive interrupts stamp with it */
     serial_start();
     can_start(settings.values[IMPID_SETTING_CAN_KBPS]);

@@ -75,9 +75,11 @@ typedef struct {
 #define RCC_APB1ENR_TIM4    (1u << 2)
 #define RCC_APB1ENR_TIM5    (1u << 3)
 #define RCC_APB1ENR_TIM12   (1u << 6)
+#define RCC_APB1ENR_SPI2    (1u << 14)
 #define RCC_APB1ENR_USART2  (1u << 17)
 #define RCC_APB1ENR_CAN1    (1u << 25)
 #define RCC_APB1ENR_PWR     (1u << 28)
+#define RCC_APB2ENR_TIM1    (1u << 0)
 #define RCC_APB2ENR_ADC1    (1u << 8)
 #define RCC_APB2ENR_ADC2    (1u << 9)
 #define RCC_APB2ENR_TIM11   (1u << 18)
@@ -184,6 +186,27 @@ typedef struct {
 #define TIM_CCER_CC1E            (1u << 0)
 #define TIM_CCER_CC3E            (1u << 8)
 #define TIM11_OR_TI1_HSE_RTC     2u
+
+/* --- Advanced timer (16) ------------------------------------------------------------------------- */
+typedef struct {
+    reg_t CR1, CR2, SMCR, DIER, SR, EGR, CCMR1, CCMR2, CCER, CNT, PSC, ARR, RCR, CCR1, CCR2, CCR3, CCR4, BDTR;
+} tim1_regs_t;
+#define TIM1                 ((tim1_regs_t *)0x40010000u)
+#define TIM1_CCMR1_OC2M_PWM2 (7u << 12)
+#define TIM1_CCER_CC2E       (1u << 4)
+#define TIM1_BDTR_MOE        (1u << 15)
+
+/* --- SPI (26) ------------------------------------------------------------------------------------ */
+typedef struct {
+    reg_t CR1, CR2, SR, DR;
+} spi_regs_t;
+#define SPI2         ((spi_regs_t *)0x40003800u)
+#define SPI_CR1_MSTR (1u << 2)
+#define SPI_CR1_BR_8 (2u << 3)
+#define SPI_CR1_SPE  (1u << 6)
+#define SPI_CR1_SSI  (1u << 8)
+#define SPI_CR1_SSM  (1u << 9)
+#define SPI_SR_RXNE  (1u << 0)
 
 /* --- Independent watchdog (20) ------------------------------------------------------------------- */
 typedef struct {

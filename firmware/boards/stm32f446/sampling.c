@@ -1,5 +1,6 @@
 #include "sampling.h"
 
+#include "adxl355.h"
 #include "board.h"
 #include "clock.h"
 #include "fault.h"
@@ -14,7 +15,7 @@ enum { AF_TIM3 = 2 };
 #define ENCODER_FILTER 3u /* eight equal readings at 90 MHz: pulses below 89 ns are ignored */
 /* An overdue half is overwritten from its first conversion on: 125 us after the next tick's instant, less
  * what the tick itself takes. */
-#define READABLE_US 50u
+#define READABLE_US (BOARD_DIGITAL ? 0u : 50u)
 /* The reference is read so often, and takes 22 us of the 125 us to the next trigger. */
 #define SUPPLY_TICKS    128u
 #define SUPPLY_START_US 60u
@@ -190,7 +191,22 @@ static bool sync_edge_until(uint32_t t_us) {
     return seen;
 }
 
+/* The readings of a digital sensor that belong to the instant that is due; false: it holds later ones by now.
+ */
+static bool read_sensor(uint32_t reading[IMPID_AXES_MAX]) {
+    if (BOARD_DIGITAL) {
+        adxl355_read(reading);
+        return timebase_now_us() - due_us < ADXL355_READABLE_US;
+    }
+    return true;
+}
+
 static void serve_due(uint8_t lateness) {
+    uint32_t reading[IMPID_AXES_MAX] = {0};
+    if (!read_sensor(reading)) {
+        impid_core_missed(core, 1u);
+        return;
+    }
     uint8_t flags = lateness;
     uint32_t first = half * IMPID_OVERSAMPLING;
     uint32_t last = first + IMPID_OVERSAMPLING - 1u;
@@ -204,6 +220,7 @@ static void serve_due(uint8_t lateness) {
     impid_tick_t tick = {
         /* No longer volatile for the core: DMA does not come back to this half before 1125 us have passed. */
         .adc = (const uint16_t *)(uintptr_t)&conversions[first][0],
+        .wide = reading,
         .encoder = {latched[0][last], latched[1][last]},
         .t_us = due_us,
         .flags = flags,

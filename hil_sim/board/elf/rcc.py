@@ -33,7 +33,8 @@ GATES = {
     "DMA1": ("AHB1ENR", 21), "DMA2": ("AHB1ENR", 22),
     "TIM2": ("APB1ENR", 0), "TIM3": ("APB1ENR", 1), "TIM4": ("APB1ENR", 2), "TIM5": ("APB1ENR", 3),
     "TIM12": ("APB1ENR", 6), "USART2": ("APB1ENR", 17), "CAN1": ("APB1ENR", 25), "PWR": ("APB1ENR", 28),
-    "ADC1": ("APB2ENR", 8), "ADC2": ("APB2ENR", 9), "TIM11": ("APB2ENR", 18),
+    "ADC1": ("APB2ENR", 8), "ADC2": ("APB2ENR", 9), "TIM1": ("APB2ENR", 0), "TIM11": ("APB2ENR", 18),
+    "SPI2": ("APB1ENR", 14),
 }  # fmt: skip
 
 

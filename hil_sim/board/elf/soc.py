@@ -18,12 +18,14 @@ from hil_sim.board.elf.gpio import ANALOG, Gpio
 from hil_sim.board.elf.iwdg import Iwdg
 from hil_sim.board.elf.memory import FLASH_BASE, Memory
 from hil_sim.board.elf.nvic import Nvic
+from hil_sim.board.elf.pulse_timer import PulseTimer
 from hil_sim.board.elf.pwr import Pwr
 from hil_sim.board.elf.rcc import GATES, HSI_HZ, Rcc
 from hil_sim.board.elf.registers import Peripheral
 from hil_sim.board.elf.scb import Scb
 from hil_sim.board.elf.schedule import Schedule
 from hil_sim.board.elf.signature import Signature
+from hil_sim.board.elf.spi import Spi
 from hil_sim.board.elf.systick import SysTick
 from hil_sim.board.elf.tim11 import Tim11
 from hil_sim.board.elf.timer import Timer
@@ -55,6 +57,10 @@ PINS = {
     "USART2_RX": (("A", 3, 7),),
     "CAN1_RX": (("B", 8, 9), ("A", 11, 9)),
     "CAN1_TX": (("B", 9, 9), ("A", 12, 9)),
+    "SPI2_SCK": (("B", 10, 5), ("B", 13, 5)),
+    "SPI2_MISO": (("B", 14, 5), ("C", 2, 5)),
+    "SPI2_MOSI": (("B", 15, 5), ("C", 3, 5)),
+    "TIM1_CH2": (("A", 9, 1),),
 }
 SIGNALS = list(PINS)  # in the order of their numbers in the C part
 # ADC12_IN0 to ADC12_IN15 (data sheet, pin definitions).
@@ -130,9 +136,12 @@ class Soc:
         self.can1 = Can("CAN1", 0x4000_6400, self)
         self.iwdg = Iwdg(0x4000_3000, self)
         self.tim11 = Tim11(0x4001_4800, self)
+        self.spi2 = Spi("SPI2", 0x4000_3800, self)
+        self.tim1 = PulseTimer("TIM1", 0x4001_0000, self)
         self.signature = Signature(SYSTEM_MEMORY, self, self.uid)
         banks: list[Peripheral] = [
-            self.rcc, self.pwr, self.flash, self.adc, self.usart2, self.can1, self.iwdg, self.tim11,
+            self.rcc, self.pwr, self.flash, self.adc, self.usart2, self.can1, self.iwdg,
+            self.tim11, self.spi2, self.tim1,
             *self.gpio.values(), *self.timers.values(), *self.dmas.values(),
         ]  # fmt: skip
         self._pages = {bank.base // PAGE: bank for bank in banks}
@@ -159,6 +168,10 @@ class Soc:
         self._shared_banks = [bank for bank in banks if bank.shared is not None]
         self.pins_changed()
         self.gates_changed()
+
+    def take_from_c(self, bank: Peripheral) -> None:
+        """Every access to it comes to Python first."""
+        self.chip.pages[(bank.base - BUS_BASE) // PAGE] = ffi.NULL
 
     # --- what holds the processor -------------------------------------------------------------------
 

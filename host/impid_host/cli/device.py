@@ -105,8 +105,10 @@ def self_test(*, port: str | None, can: str | None, baud: int | None) -> None:
     with _board(port, can, baud) as client:
         outcome = _SELF_TEST.get(client.self_test(), "UNKNOWN")
         board = client.info()
-    x, y = (_signed(v) for v in (board.self_test_x_mv, board.self_test_y_mv))
-    click.echo(f"self-test {outcome}: response x {x} mV, y {y} mV")
+    responses = {"x": board.self_test_x_mv, "y": board.self_test_y_mv, "z": board.self_test_z_mv}
+    unit = "mV" if board.self_test_z_mv is None else "mg"  # analog sensors have two axes, digital ones three
+    told = ", ".join(f"{axis} {_signed(v)} {unit}" for axis, v in responses.items() if v is not None)
+    click.echo(f"self-test {outcome}: response {told}")
     if outcome != "PASSED":
         raise LinkError(
             f"self-test {outcome}; check the accelerometer's supply and wiring, and that it rests"
