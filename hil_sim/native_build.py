@@ -1,9 +1,11 @@
 """Builds `hil_sim._native`: the firmware core, its native board, and the plant, as one extension.
 
-Run by setup.py through cffi. The declarations that Python sees are read from the C headers themselves, so
+Run by setup.py through cffi. Where there is no compiler the host is installed without the simulator, unless
+the variable IMPID_SIM is 1. The declarations that Python sees are read from the C headers themselves, so
 there is no second copy of them to keep in step.
 """
 
+import os
 import re
 import sys
 from pathlib import Path
@@ -51,4 +53,5 @@ ffibuilder.set_source(
     depends=[str(path) for folder in INCLUDE_DIRS for path in sorted(Path(folder).glob("*.h"))],
     extra_compile_args=FLAGS,
     libraries=[] if sys.platform == "win32" else ["m"],
+    optional=os.environ.get("IMPID_SIM") != "1",
 )

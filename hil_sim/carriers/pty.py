@@ -5,7 +5,6 @@ import errno
 import os
 import select
 import time
-import tty
 from pathlib import Path
 
 from hil_sim.carriers.backlog import Backlog
@@ -18,6 +17,8 @@ IDLE_S = 2e-3
 class PtyCarrier:
     """Implements `Carrier` on the master side of a pseudo-terminal in raw mode."""
 
+    available = hasattr(os, "openpty")
+
     def __init__(self, link: Path | None = None) -> None:
         """Opens a terminal.
 
@@ -25,8 +26,10 @@ class PtyCarrier:
             link: also make a symbolic link of this name to it. It goes with the cable and comes back with it.
 
         Raises:
-            SimError: something that is no link has that name.
+            SimError: something that is no link has that name, or this system has no terminals (Windows).
         """
+        if not self.available:
+            raise SimError("this system has no pseudo-terminals; use --carrier tcp")
         if link is not None and link.exists() and not link.is_symlink():
             raise SimError(f"{link}: exists and is no link; name another place for --link")
         self._link = link
@@ -64,6 +67,8 @@ class PtyCarrier:
 
     def plug(self) -> None:
         """A terminal is there, perhaps under another number, as with an adapter that is plugged in."""
+        import tty  # noqa: PLC0415  (not on Windows)
+
         self._master, slave = os.openpty()
         self._address = os.ttyname(slave)
         tty.setraw(slave)

@@ -15,10 +15,17 @@ COMMANDS = {
     "serve": "Serve the sensor board of one trial in real time.",
     "truth": "Print what a scenario hides.",
 }
+# What only `pip install impid[sim]` brings, and what a C compiler makes.
+_OF_THE_EXTRA = ("cffi", "_cffi_backend", "unicorn", "elftools", "hil_sim._native", "hil_sim._chip")
 
 
 class _LazyGroup(click.Group):
     """Imports a subcommand only when it is asked for: `--help` stays quick."""
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:  # noqa: ARG002
+        """The table above, word for word: click itself would import every command for its help."""
+        with formatter.section("Commands"):
+            formatter.write_dl(list(COMMANDS.items()))
 
     def list_commands(self, ctx: click.Context) -> list[str]:  # noqa: ARG002
         return list(COMMANDS)
@@ -50,6 +57,15 @@ def main() -> None:
     """Run the command line; an error that the user can act on is one line and exit status 1."""
     try:
         cli(standalone_mode=True)
+    except ModuleNotFoundError as error:
+        if error.name not in _OF_THE_EXTRA:
+            raise
+        click.echo(
+            f"impid-sim: {error.name} is missing: the simulator is an extra; pip install 'impid[sim]' (where "
+            "no wheel fits this machine, that needs a C compiler)",
+            err=True,
+        )
+        sys.exit(1)
     except SimError as error:
         click.echo(f"impid-sim: {error}", err=True)
         sys.exit(1)

@@ -12,7 +12,7 @@ from hil_sim.cli.options import ELF, FILE, SCENARIO, SEED, SENSOR
 from hil_sim.scenarios.load import load
 from hil_sim.scenarios.load import trial as find_trial
 from hil_sim.scenarios.sensor import with_sensor
-from hil_sim.serve.connect import CARRIERS, CarrierName, Connection
+from hil_sim.serve.connect import CARRIERS, DEFAULT_CARRIER, CarrierName, Connection
 from hil_sim.serve.session import ServeOptions, serve
 
 
@@ -22,7 +22,7 @@ from hil_sim.serve.session import ServeOptions, serve
 @click.option(
     "--carrier",
     type=click.Choice(CARRIERS),
-    default="pty",
+    default=DEFAULT_CARRIER,
     show_default=True,
     help="What lies between board and host.",
 )
@@ -104,4 +104,4 @@ def _end_with_stdin() -> None:
     """Nothing is ever written to it: a parent that is killed closes it, without having to say goodbye."""
     while os.read(sys.stdin.fileno(), 1):  # not the buffered reader: its lock would outlive the program
         pass
-    os.kill(os.getpid(), signal.SIGTERM)
+    signal.raise_signal(signal.SIGTERM)  # os.kill would end the program on Windows, handler or not

@@ -15,6 +15,7 @@ from hil_sim.serve.attachment import Attachment, CanAttachment, SerialAttachment
 
 CarrierName = Literal["pty", "tcp", "slcan", "udp_multicast", "socketcan"]
 CARRIERS: tuple[CarrierName, ...] = get_args(CarrierName)
+DEFAULT_CARRIER: CarrierName = "pty" if PtyCarrier.available else "tcp"
 
 
 @dataclass(frozen=True)
@@ -27,7 +28,7 @@ class Connection:
         link: pty and slcan: a symbolic link to the terminal; None: none.
     """
 
-    carrier: CarrierName = "pty"
+    carrier: CarrierName = DEFAULT_CARRIER
     address: str | None = None
     link: Path | None = None
 

@@ -2,10 +2,15 @@
 diagnose it.
 
     >>> import impid_host as impid
-    >>> impid.read_study("no/such/study")
-    Traceback (most recent call last):
-    ...
-    impid_host.errors.InputError: no/such/study: does not exist; check the path
+    >>> study = impid.example_study()          # or impid.Study.load("study/")
+    >>> study.check().trusted
+    True
+    >>> fitted = study.fit()
+    >>> round(fitted.loads["spring"]["method1"]["M"]["value"][0][0], 2)   # kg; the truth is 0.8
+    0.8
+    >>> force = fitted.force("spring_01")      # a DataFrame, N against s
+    >>> study.diagnose().effects               # what the model lacks: nothing
+    []
 
 What stands in `__all__` is public; the rest may change. Everything is loaded when it is first used.
 """
@@ -17,8 +22,8 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from impid_host.checks import Checks
     from impid_host.errors import ImpidError, InputError, UndeterminedError
-    from impid_host.front import Diagnosed, Fitted, check, diagnose, fit, read_study
-    from impid_host.study.model import Study
+    from impid_host.front import Study, check, diagnose, example_study, fit, read_study
+    from impid_host.results import Diagnosed, Fitted
 
 __version__ = version("impid")
 __all__ = [
@@ -32,14 +37,16 @@ __all__ = [
     "__version__",
     "check",
     "diagnose",
+    "example_study",
     "fit",
     "read_study",
 ]
 _FROM = {
     "Checks": "impid_host.checks",
+    "Diagnosed": "impid_host.results",
+    "Fitted": "impid_host.results",
     "ImpidError": "impid_host.errors",
     "InputError": "impid_host.errors",
-    "Study": "impid_host.study.model",
     "UndeterminedError": "impid_host.errors",
 }
 

@@ -1,209 +1,212 @@
-"""The front door of impid for Python: a study in, a frozen result out, to print, write and tabulate."""
+"""The front door of impid for Python: a study in, a frozen result out, to print, write and tabulate.
+
+    >>> import impid_host as impid
+    >>> study = impid.example_study()
+    >>> fitted = study.fit()
+    >>> K = fitted.loads["spring"]["method1"]["K"]
+    >>> [round(value) for value in K["value"][0]], K["unit"]
+    ([420, -20], 'N/m')
+
+SI units throughout; forces are those of the load on the robot, in the robot's base frame.
+"""
 
 import html
-from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-from impid_host.checks import Checks, agreement, check_study
+from impid_host.checks import Checks, check_study
 from impid_host.checks.of_diagnosis import beside_diagnosis
-from impid_host.checks.of_fit import gate_fit
 from impid_host.diagnosis.diagnose import diagnose as _diagnose
-from impid_host.diagnosis.result import Diagnosis
-from impid_host.diagnosis.verdict import beside_checks
-from impid_host.impedance.campaign import Options, StudyFit, default_chain, fit_study
+from impid_host.example import example_parts
+from impid_host.impedance.campaign import Options, default_chain
 from impid_host.impedance.rows import Split
-from impid_host.report.diagnosis_json import diagnosis_json
-from impid_host.report.fit_json import fit_json
+from impid_host.report.page.findings import fitted, gather
+from impid_host.report.sessions_json import sessions_json
+from impid_host.results import Diagnosed, Fitted, frame
 from impid_host.study.folder import read_study as _read_study
-from impid_host.study.model import Study
+from impid_host.study.model import Study as _Study
 
 if TYPE_CHECKING:
     import pandas as pd
 
-Json = dict[str, Any]
-_ROW = ("where", "parameter", "value", "low", "high", "unit")
+
+@dataclass(frozen=True, slots=True)
+class Study(_Study):
+    """A measurement campaign: `setup` (the apparatus) and `trials` (raw samples and torque logs).
+
+    `Study.load` reads a study folder (docs/study-format.md); the methods answer what the commands of the same
+    names answer.
+
+    >>> study = example_study()
+    >>> [trial.name for trial in study.trials]
+    ['free_01', 'free_02', 'spring_01']
+    >>> study.trials[0].robot.tau.shape  # N m, one column for each joint
+    (10000, 2)
+    """
+
+    @classmethod
+    def load(cls, path: str | Path) -> "Study":
+        """Read a study folder.
+
+        >>> Study.load("no/such/study")
+        Traceback (most recent call last):
+        ...
+        impid_host.errors.InputError: no/such/study: does not exist; give the path of a study folder, which \
+holds setup.toml
+
+        Raises:
+            InputError: the folder or a file of it cannot be read; names file, row or key, and the remedy.
+        """
+        return of_model(_read_study(Path(path)))
+
+    def check(self) -> Checks:
+        """What the study says about its own input: mistakes of the setup, contradictions.
+
+        >>> len(example_study().check())
+        0
+        """
+        return check_study(self)
+
+    def fit(self, *, with_terms: tuple[str, ...] = (), validate_s: float = 10.0) -> Fitted:
+        """Identify the robot, then every load, with 95 % intervals ([D] Sec. III).
+
+        Args:
+            with_terms: optional terms of the robot model by name, as `fit --with`.
+            validate_s: seconds at the end of each trial that are held out (a fifth of it at most).
+
+        Raises:
+            UndeterminedError: the data do not determine what was asked.
+        """
+        chain = default_chain(self)
+        options = Options(chain=chain, terms=with_terms, split=Split(validate_s))
+        result, twice, checks = fitted(self, options, check_study(self))
+        return Fitted(self, result, checks, twice, chain)
+
+    def diagnose(self, *, cutoff_hz: float | None = None) -> Diagnosed:
+        """Find what the first model lacks, add it, judge it on data that took no part. Takes a minute or so.
+
+        Args:
+            cutoff_hz: of the band in which errors are told; None: by the motion, as `fit`.
+
+        Raises:
+            UndeterminedError: the data do not determine the robot or a load.
+        """
+        answer = _diagnose(self, cutoff_hz=cutoff_hz)
+        return Diagnosed(self, answer, beside_diagnosis(self, answer, check_study(self)))
+
+    def force(self, trial: str) -> "pd.DataFrame":
+        """Force of the load on the robot along one trial: `Fitted.force` of a fit made anew."""
+        return self.fit().force(trial)
+
+    def report(self, out: str | Path, *, diagnosed: bool = True, figures: str | Path | None = None) -> Path:
+        """Write the report, one HTML page (docs/report.md), and return its path.
+
+        >>> import tempfile
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     page = example_study().report(Path(folder) / "report.html", diagnosed=False)
+        ...     page.read_text(encoding="utf-8")[:15]
+        '<!doctype html>'
+
+        Args:
+            diagnosed: look for what the first model lacks.
+            figures: also write the page's figures as PDF and SVG to this folder.
+        """
+        from impid_host.report.page.write import figures as plots_of  # noqa: PLC0415  (jinja2 is slow to import)
+        from impid_host.report.page.write import write_page  # noqa: PLC0415
+
+        found = gather(self, diagnosed=diagnosed)
+        place = Path(out)
+        place.write_text(write_page([found], [f"Study.report({str(out)!r})"]), encoding="utf-8")
+        if figures is not None:
+            from impid_host.report.page.journal import draw  # noqa: PLC0415  (matplotlib is slow to import)
+
+            draw(plots_of(found), Path(figures))
+        return place
+
+    def to_pandas(self) -> "pd.DataFrame":
+        """One row per trial: name, kind, load, seconds, rows, samples, subject, side, date, posture."""
+        return frame(
+            {
+                "trial": trial.name,
+                "kind": trial.kind,
+                "load": trial.load,
+                "seconds": float(trial.robot.t[-1] - trial.robot.t[0]),
+                "rows": len(trial.robot),
+                "samples": 0 if trial.device is None else len(trial.device),
+                **sessions_json(self)["sessions"][trial.name],
+            }
+            for trial in self.trials
+        )
+
+    def _repr_html_(self) -> str:
+        from impid_host.report.page.quality import quality_table  # noqa: PLC0415
+        from impid_host.report.page.tables import of_terminal  # noqa: PLC0415
+        from impid_host.report.page.write import tables_html  # noqa: PLC0415
+
+        head = f"<p><strong>{html.escape(self.name)}</strong>: {html.escape(self.setup.robot.model)}</p>"
+        return head + tables_html([of_terminal(quality_table(self, None))])
+
+
+def of_model(study: _Study) -> Study:
+    """The same study with the methods of the front door."""
+    if isinstance(study, Study):
+        return study
+    return Study(study.name, study.setup, study.trials, study.source)
+
+
+def example_study() -> Study:
+    """A small study in memory, made by a formula: a planar robot, free, and with 0.8 kg on a known spring.
+
+    >>> example_study().name
+    'example'
+    """
+    return Study("example", *example_parts())
 
 
 def read_study(path: str | Path) -> Study:
-    """Read a study folder (docs/study-format.md).
+    """`Study.load`: read a study folder (docs/study-format.md).
 
     Raises:
         InputError: the folder or a file of it cannot be read; names file, row or key, and the remedy.
     """
-    return _read_study(Path(path))
+    return Study.load(path)
 
 
-def check(study: Study | str | Path) -> Checks:
-    """What the study says about its own input: mistakes of the setup, contradictions, impossible numbers.
+def check(study: _Study | str | Path) -> Checks:
+    """`Study.check` of a study or of the folder at a path.
+
+    >>> check(example_study()).trusted
+    True
 
     Raises:
         InputError: as `read_study`.
     """
-    return check_study(_study(study))
+    return _study(study).check()
 
 
-@dataclass(frozen=True, slots=True)
-class Fitted:
-    """Robot and loads of a study.
+def fit(study: _Study | str | Path, *, with_terms: tuple[str, ...] = (), validate_s: float = 10.0) -> Fitted:
+    """`Study.fit` of a study or of the folder at a path.
 
-    Attributes:
-        result: the estimates, with their covariances; checks: what to make of them.
-    """
-
-    result: StudyFit
-    checks: Checks
-    document: Json
-
-    @property
-    def trusted(self) -> bool:
-        """No number is impossible, and no two measurements contradict each other."""
-        return self.checks.trusted
-
-    def to_dict(self) -> Json:
-        """What `impid-host fit --json` writes, format impid-fit/1."""
-        return self.document
-
-    def summary(self) -> str:
-        """Parameters with their 95 % intervals, one to a line."""
-        return _lines(self.document, self.checks)
-
-    def to_pandas(self) -> "pd.DataFrame":
-        """One row per number: where, parameter, value, low, high (95 %), unit."""
-        return _frame(_rows(self.document))
-
-    def _repr_html_(self) -> str:
-        return f"<pre>{html.escape(self.summary())}</pre>"
-
-
-@dataclass(frozen=True, slots=True)
-class Diagnosed:
-    """What the first model lacks, proven on data that took no part."""
-
-    result: Diagnosis
-    checks: Checks
-    document: Json
-
-    @property
-    def trusted(self) -> bool:
-        """No number is impossible, and no two measurements contradict each other."""
-        return self.checks.trusted
-
-    @property
-    def verdict(self) -> str:
-        """The opening sentence."""
-        return str(self.document["verdict"])
-
-    def to_dict(self) -> Json:
-        """What `impid-host diagnose --json` writes, format impid-diagnosis/1."""
-        return self.document
-
-    def summary(self) -> str:
-        """The verdict, then the last stage's parameters with their 95 % intervals."""
-        return f"{self.verdict}\n" + _lines(self.document["stages"][-1]["parameters"], self.checks)
-
-    def to_pandas(self) -> "pd.DataFrame":
-        """One row per number of every stage: stage, where, parameter, value, low, high (95 %), unit."""
-        rows = [
-            {"stage": number, **row}
-            for number, stage in enumerate(self.document["stages"])
-            for row in _rows(stage["parameters"])
-        ]
-        return _frame(rows, ("stage", *_ROW))
-
-    def _repr_html_(self) -> str:
-        return f"<pre>{html.escape(self.summary())}</pre>"
-
-
-def fit(study: Study | str | Path, *, with_terms: tuple[str, ...] = (), validate_s: float = 10.0) -> Fitted:
-    """Identify the robot, then every load, with 95 % intervals ([D] Sec. III).
-
-    Args:
-        with_terms: optional terms of the robot model by name, as `fit --with`.
-        validate_s: seconds at the end of each trial that are held out.
+    >>> fit(example_study(), validate_s=4.0).trusted
+    True
 
     Raises:
         InputError: as `read_study`.
         UndeterminedError: the data do not determine what was asked.
     """
-    own = _study(study)
-    result = fit_study(own, Options(chain=default_chain(own), terms=with_terms, split=Split(validate_s)))
-    twice = agreement(own, result.loads)
-    checks = check_study(own).with_more(gate_fit(own, result)).with_more(twice.checks)
-    document = fit_json(
-        result.study,
-        result.chain,
-        result.trials,
-        result.robot,
-        result.loads,
-        spectral=result.spectral,
-        partial=result.partial,
-        checks=checks,
-        measured_twice=twice,
-    )
-    return Fitted(result, checks, document)
+    return _study(study).fit(with_terms=with_terms, validate_s=validate_s)
 
 
-def diagnose(study: Study | str | Path) -> Diagnosed:
-    """Find what the first model lacks, add it, judge it on data that took no part.
+def diagnose(study: _Study | str | Path, *, cutoff_hz: float | None = None) -> Diagnosed:
+    """`Study.diagnose` of a study or of the folder at a path.
 
     Raises:
         InputError: as `read_study`.
         UndeterminedError: the data do not determine the robot or a load.
     """
-    own = _study(study)
-    answer = _diagnose(own)
-    checks = beside_diagnosis(own, answer, check_study(own))
-    document = diagnosis_json(answer, checks)
-    document["verdict"] = beside_checks(answer.verdict, checks)
-    return Diagnosed(answer, checks, document)
+    return _study(study).diagnose(cutoff_hz=cutoff_hz)
 
 
-def _study(study: Study | str | Path) -> Study:
-    return study if isinstance(study, Study) else read_study(study)
-
-
-def _rows(document: Mapping[str, Any], where: str = "") -> Iterator[Json]:
-    """Every number with an interval below a document, flat."""
-    for name, own in document.items():
-        if not isinstance(own, Mapping):
-            continue
-        if "value" in own and "ci95" in own:
-            yield from _entries(where, name, own)
-        else:
-            yield from _rows(own, f"{where}/{name}".strip("/"))
-
-
-def _entries(where: str, name: str, own: Mapping[str, Any], place: str = "") -> Iterator[Json]:
-    value, interval = own["value"], own["ci95"]
-    unit = own.get("unit", "")
-    if isinstance(value, Mapping):
-        for key in value:
-            yield from _entries(
-                f"{where}/{key}", name, {"value": value[key], "ci95": interval[key], "unit": unit}
-            )
-    elif isinstance(value, list):
-        for k, (part, ends) in enumerate(zip(value, interval, strict=True)):
-            yield from _entries(where, name, {"value": part, "ci95": ends, "unit": unit}, f"{place}[{k}]")
-    else:
-        low, high = interval
-        yield dict(zip(_ROW, (where, name + place, value, low, high, unit), strict=True))
-
-
-def _lines(document: Mapping[str, Any], checks: Checks) -> str:
-    words = [f"{own.verdict}: {own.words}" for own in checks]
-    for row in _rows(document):
-        half = 0.5 * (row["high"] - row["low"])
-        words.append(
-            f"{row['where']} {row['parameter']}: {row['value']:.5g} ± {half:.2g} {row['unit']}".strip()
-        )
-    return "\n".join(words)
-
-
-def _frame(rows: Any, columns: tuple[str, ...] = _ROW) -> "pd.DataFrame":
-    try:
-        import pandas as pd  # noqa: PLC0415  (an optional extra)
-    except ImportError:
-        raise ImportError("to_pandas needs pandas: pip install 'impid[pandas]'") from None
-    return pd.DataFrame(list(rows), columns=list(columns))
+def _study(study: _Study | str | Path) -> Study:
+    return of_model(study) if isinstance(study, _Study) else read_study(study)

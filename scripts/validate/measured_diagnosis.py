@@ -17,16 +17,15 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from impid_host.diagnosis.case import prepare
 from impid_host.diagnosis.diagnose import diagnose
-from impid_host.diagnosis.holdout import SEALED, hold_out
+from impid_host.diagnosis.holdout import SEALED
 from impid_host.diagnosis.other_records import judge
-from impid_host.diagnosis.prepare import views
 from impid_host.diagnosis.proof import aligned, chain_of
 from impid_host.diagnosis.saved import read_model, save_model
 from impid_host.errors import ImpidError
 from impid_host.impedance.rows import finish
 from impid_host.report.diagnosis_json import diagnosis_json
-from impid_host.robot.model import robot_model
 from impid_host.study.model import Study
 from measured_diagnosis_page import page
 from measured_records import BY_KEY, RECORDS, Record, data_folder
@@ -36,13 +35,12 @@ Json = dict[str, Any]
 
 def logged_rms(study: Study) -> dict[str, float]:
     """Rms of the logged torques in the band that is reported, on the held-out rows."""
-    parts, _ = views(study, robot_model(study.setup.robot))
-    holdout = hold_out(parts)
+    case = prepare(study)
     rows = []
-    for view in parts:
+    for view in case.views:
         trial = aligned(view)
         low = finish(chain_of(view), trial.tau, trial.rate_hz)
-        rows.append(low[holdout.mask(view, SEALED) & trial.valid])
+        rows.append(low[case.holdout.mask(view, SEALED) & trial.valid])
     mean = np.sqrt(np.mean(np.concatenate(rows) ** 2, axis=0))
     return {f"tau{k + 1}": float(value) for k, value in enumerate(mean)}
 

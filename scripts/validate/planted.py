@@ -15,9 +15,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from impid_host.diagnosis.base import Base, base_of, structure_of
+from impid_host.diagnosis.base import Base
+from impid_host.diagnosis.case import prepare
 from impid_host.diagnosis.diagnose import diagnose
-from impid_host.diagnosis.holdout import FIT, SEALED, hold_out
+from impid_host.diagnosis.holdout import FIT, SEALED
 from impid_host.diagnosis.prepare import views
 from impid_host.diagnosis.proof import chain_of
 from impid_host.diagnosis.result import UNATTRIBUTED, Diagnosis, Number, Stage
@@ -188,9 +189,8 @@ def _rows(view: View, base: Base, joint: int) -> tuple[Floats, Floats]:
 
 def level_of(study: Study) -> Level:
     """The first model by plain least squares on the fit part, all joints alike."""
-    model = robot_model(study.setup.robot)
-    parts, _ = views(study, model)
-    base, holdout, joint = base_of(parts, structure_of(study.setup, model)), hold_out(parts), joint_of(study)
+    case, joint = prepare(study), joint_of(study)
+    parts, base, holdout = case.views, case.base, case.holdout
     rows = [[_rows(view, base, k) for k in range(view.joints)] for view in parts]
     masks = [holdout.mask(view, FIT) for view in parts]
     A = np.concatenate([own[0][m] for each, m in zip(rows, masks, strict=True) for own in each])

@@ -1,5 +1,9 @@
-"""Builds `hil_sim._chip`: the part of the emulator that runs at every block, event and access."""
+"""Builds `hil_sim._chip`: the part of the emulator that runs at every block, event and access.
 
+Optional as `hil_sim._native` is.
+"""
+
+import os
 import re
 import sys
 from pathlib import Path
@@ -33,4 +37,5 @@ ffibuilder.set_source(
     include_dirs=[FOLDER],
     extra_compile_args=WARNINGS,
     libraries=[] if sys.platform == "win32" else ["m"],
+    optional=os.environ.get("IMPID_SIM") != "1",
 )

@@ -6,11 +6,11 @@ Liang & Zeger 1986).
 """
 
 import numpy as np
-from scipy import stats
 
 from impid_host.calibration.accelerometer import AccelerometerCalibration, Floats, from_matrix
 from impid_host.errors import UndeterminedError
 from impid_host.signals.filters import ZeroPhaseLowPass
+from impid_host.signals.quantiles import student_975
 
 CUTOFF_HZ = 10.0
 BLOCK_S = 1.0
@@ -58,7 +58,7 @@ def calibrate_in_place(codes: Floats, predicted_g: Floats, rate_hz: float) -> Ac
     covariance = _between_blocks(design, residual, blocks)
     S = solution[1:].T
     rms_g = float(np.sqrt(np.mean(np.linalg.solve(S, residual.T) ** 2)))
-    half_width = float(stats.t.ppf(0.975, blocks - 3))
+    half_width = float(student_975(blocks - 3))
     found = from_matrix(
         "in place against the encoders", solution[0], S, covariance, half_width, rms_g, len(codes)
     )

@@ -7,10 +7,11 @@ gains and the angle between the sensor's axes; how both are turned against the b
 """
 
 import numpy as np
-from scipy import optimize, stats
+from scipy import optimize
 
 from impid_host.calibration.accelerometer import AccelerometerCalibration, Estimate, Floats, from_matrix
 from impid_host.errors import UndeterminedError
+from impid_host.signals.quantiles import student_975
 
 FEWEST_POSITIONS = 6
 # Readings within less than this part of the circle leave centre and radius to chance.
@@ -41,7 +42,7 @@ def calibrate_by_angles(codes: Floats, angle_rad: Floats) -> AccelerometerCalibr
         covariance[part, part] = inverse * (residual[:, axis] @ residual[:, axis]) / freedom
     S = solution[1:].T
     rms_g = float(np.sqrt(np.mean(np.linalg.solve(S, residual.T) ** 2)))
-    half_width = float(stats.t.ppf(0.975, freedom))
+    half_width = float(student_975(freedom))
     return from_matrix("tumble at known angles", solution[0], S, covariance, half_width, rms_g, K)
 
 
@@ -70,7 +71,7 @@ def calibrate_by_circle(codes: Floats) -> AccelerometerCalibration:
     freedom = len(codes) - 5
     jacobian = np.asarray(fit.jac)
     covariance = np.linalg.inv(jacobian.T @ jacobian) * (fit.fun @ fit.fun) / freedom
-    spread = float(stats.t.ppf(0.975, freedom)) * np.sqrt(np.diag(covariance))
+    spread = float(student_975(freedom)) * np.sqrt(np.diag(covariance))
     if not fit.success or max(spread[2] / gx, spread[3] / gy) > _WORST_GAIN_INTERVAL:
         raise UndeterminedError(
             "the positions do not fit one circle of 1 g; hold the board upright and still in each of them"

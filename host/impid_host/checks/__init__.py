@@ -2,8 +2,8 @@
 
 from impid_host.checks.agreement import Agreement, Pair, agreement
 from impid_host.checks.check import Change, Check, Checks
-from impid_host.checks.gate import Bounded, LoadNumbers, gate
-from impid_host.checks.judge import check_study, searched
+from impid_host.checks.gate import Bounded, LoadNumbers, RobotNumbers, gate
+from impid_host.checks.judge import check_study
 
 __all__ = [
     "Agreement",
@@ -13,8 +13,8 @@ __all__ = [
     "Checks",
     "LoadNumbers",
     "Pair",
+    "RobotNumbers",
     "agreement",
     "check_study",
     "gate",
-    "searched",
 ]

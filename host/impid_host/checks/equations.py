@@ -14,18 +14,16 @@ from impid_host.checks.signals import RATE_HZ, Signals, TrialSignals
 from impid_host.impedance.loads import load_model
 from impid_host.robot.model import RobotModel
 from impid_host.signals.arrays import Floats
+from impid_host.signals.filters import FiniteResponse
 
 _DOWN = 5
-_TAPS = signal.firwin(61, 4.0, fs=RATE_HZ)
-_SETTLED = 30
+_LOW = FiniteResponse.of(signal.firwin(61, 4.0, fs=RATE_HZ), _DOWN)
 ROWS_HZ = RATE_HZ / _DOWN
 
 
 def low(values: Floats) -> Floats:
     """Low-pass at 4 Hz and every fifth row, where the filter has settled: (N, ...) -> (R, ...)."""
-    flat = values.reshape(len(values), -1)
-    whole = signal.upfirdn(_TAPS, flat, axis=0)[2 * _SETTLED : len(values)]
-    return np.ascontiguousarray(whole[::_DOWN]).reshape(-1, *values.shape[1:])
+    return _LOW.apply(values.reshape(len(values), -1)).reshape(-1, *values.shape[1:])
 
 
 def derivative(values: Floats) -> Floats:
@@ -51,7 +49,9 @@ class Motion:
         load: J^T A by kind of load, (R, n, q); task: A, (R, d, q).
         felt: what an accelerometer at the end-effector feels along x and y, (R, 2), and along the turning
             axes x' and y'; None where the robot is not planar.
-        spread: rms of the angles about their mean, (n,).
+        tip: angle of the end-effector, (N,).
+        inertia_of: the inertia matrix by one unit of each of the p parameters at S places visited,
+            (S, n, n, p); J_at: the Jacobian there, (S, d, n).
     """
 
     robot: Floats
@@ -59,7 +59,7 @@ class Motion:
     task: dict[str, Floats]
     felt: dict[str, Floats] | None
     tip: Floats
-    inertia_at: Floats
+    inertia_of: Floats
     J_at: Floats
     rows: int
 
@@ -90,7 +90,24 @@ def motion_of(theta: Floats, model: RobotModel, kinds: frozenset[str]) -> Motion
         base = a - np.array(model.plane_gravity_m_s2)
         felt = {"fixed": low(base), "link2": low(turned(base, -tip))}
     some = slice(None, None, max(1, len(theta) // 40))
-    return Motion(low(Y), load, task, felt, tip, theta[some], J[some], len(low(np.zeros((len(theta), 1)))))
+    return Motion(
+        low(Y),
+        load,
+        task,
+        felt,
+        tip,
+        _inertia_of(theta[some], model),
+        J[some],
+        len(low(np.zeros((len(theta), 1)))),
+    )
+
+
+def _inertia_of(theta: Floats, model: RobotModel) -> Floats:
+    """What one unit of acceleration of each joint takes, by each parameter: (S, n) -> (S, n, n, p)."""
+    rest = np.zeros_like(theta)
+    still = model.regressor(theta, rest, rest)
+    each = np.eye(model.joints)
+    return np.stack([model.regressor(theta, rest, rest + unit) - still for unit in each], axis=2)
 
 
 class Motions:

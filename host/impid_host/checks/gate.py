@@ -3,21 +3,21 @@
 A value is refused only where its whole 95 % interval lies where nothing can be.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 
 from impid_host.checks.check import Check, Checks
-from impid_host.checks.joint_fit import HEAVIEST_KG
+from impid_host.checks.physics import HEAVIEST_KG, STIFFEST_N_M
 from impid_host.impedance.matrices import Quantity
 from impid_host.robot.model import RobotModel
+from impid_host.robot.terms import RobotStructure
 from impid_host.signals.arrays import Floats
 
 _LOOK = "run `impid-host check STUDY`: it tries the commonest mistakes"
 _SPOTS = 60
-_STIFFEST = 1e6
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,34 +51,58 @@ class Bounded:
     high: float
 
 
+@dataclass(frozen=True, slots=True)
+class RobotNumbers:
+    """A robot's result: value (k,), covariance (k, k) of the parameters that the structure calls by `names`.
+
+    `theta`, (N, n), are angles that it visited: inertia must be positive definite there. Where not all
+    parameters were told, none but friction and the like are judged.
+    """
+
+    structure: RobotStructure
+    names: Sequence[str]
+    value: Floats
+    covariance: Floats
+    theta: Floats
+
+
 def gate(
     *,
-    model: RobotModel | None = None,
-    alpha: Floats | None = None,
-    covariance: Floats | None = None,
-    theta: Floats | None = None,
+    robot: RobotNumbers | None = None,
     loads: Sequence[LoadNumbers] = (),
-    parameters: Sequence[Bounded] = (),
+    parameters: Iterable[Bounded] = (),
 ) -> Checks:
     """Judge one result, be it of `fit`, of a saved model, of a stage of `diagnose`, or of spectra.
 
     Args:
-        alpha: the robot's parameters (p,), or None where they were not identified; covariance: (p, p).
-        theta: angles that were visited, (N, n): inertia must be positive definite there.
+        robot: None where it was not identified.
         parameters: of effects, against the bounds that their catalogue declares.
     """
     entries: list[Check] = []
-    if model is not None and alpha is not None and theta is not None and len(theta):
-        sd = np.zeros((len(alpha), len(alpha))) if covariance is None else covariance
-        entries += _robot(model, alpha, sd, theta)
+    if robot is not None:
+        entries += _robot(robot)
     for load in loads:
         entries += _load(load)
     entries += [_beyond(one) for one in parameters if one.ci95[1] < one.low or one.ci95[0] > one.high]
     return Checks.of(entries)
 
 
-def _robot(model: RobotModel, alpha: Floats, covariance: Floats, theta: Floats) -> Iterator[Check]:
-    spots = theta[:: max(1, len(theta) // _SPOTS)]
+def _robot(robot: RobotNumbers) -> Iterator[Check]:
+    structure, sd = robot.structure, np.sqrt(np.maximum(np.diag(robot.covariance), 0.0))
+    spots = robot.theta[:: max(1, len(robot.theta) // _SPOTS)]
+    if tuple(robot.names) == structure.parameter_names and len(spots):
+        p = len(structure.model.parameter_names)
+        yield from _inertia(structure.model, robot.value[:p], robot.covariance[:p, :p], spots)
+    for name, value, half in zip(robot.names, robot.value, 1.96 * sd, strict=True):
+        place = structure.parameter_names.index(name)
+        unit = structure.parameter_units[place]
+        if structure.nonnegative[place] and value + half < 0:
+            meaning = "viscous friction " if unit in ("N*m*s/rad", "N*s/m") else ""
+            said = f"{meaning}{name} comes out at {value:.3g} +- {half:.2g} {unit}; none is negative"
+            yield _impossible(_joint_of(place, structure), said, {name: value})
+
+
+def _inertia(model: RobotModel, alpha: Floats, covariance: Floats, spots: Floats) -> Iterator[Check]:
     inertia = model.inertia(spots, alpha)
     values, vectors = np.linalg.eigh(inertia)
     # I(theta) is linear in alpha: d eigenvalue / d alpha_k = v^T I(theta; e_k) v.
@@ -102,11 +126,6 @@ def _robot(model: RobotModel, alpha: Floats, covariance: Floats, theta: Floats) 
             f"{values[worst, 0]:.3g} along one direction"
         )
         yield _impossible(where, said, {"inertia": inertia[worst], "eigenvalue": values[worst, 0]})
-    sd = np.sqrt(np.maximum(np.diag(covariance), 0.0))
-    for k, (name, unit) in enumerate(zip(model.parameter_names, model.parameter_units, strict=True)):
-        if unit in ("N*m*s/rad", "N*s/m") and alpha[k] + 1.96 * sd[k] < 0:
-            said = f"viscous friction {name} comes out at {alpha[k]:.3g} +- {1.96 * sd[k]:.2g} {unit}"
-            yield _impossible(_joint_of(name, model), said, {name: alpha[k]})
     if model.joints == len(model.task_axes):
         reach = np.maximum(np.sum(model.jacobian(spots) ** 2, axis=1), 1e-12)
         heavy = float(np.median(np.einsum("kii->ki", inertia) / reach, axis=0).max())
@@ -127,7 +146,7 @@ def _load(load: LoadNumbers) -> Iterator[Check]:
     if load.K is not None:
         if load.kind == "mass-spring":
             yield from _not_negative(load, load.K, "stiffness")
-        if not load.rotary and float(np.max(np.abs(load.K.value))) > _STIFFEST:
+        if not load.rotary and float(np.max(np.abs(load.K.value))) > STIFFEST_N_M:
             said = f"{load.name} has {np.max(np.abs(load.K.value)):.3g} N/m: a unit must be wrong"
             yield _impossible(load.name, said, {"K": load.K.value})
 
@@ -152,11 +171,11 @@ def _impossible(where: str, said: str, evidence: dict[str, object]) -> Check:
     return Check("result.impossible", where, "impossible", said, evidence, _LOOK)
 
 
-def _joint_of(name: str, model: RobotModel) -> str:
-    digits = "".join(c for c in name if c.isdigit())
-    if model.name == "planar-2r-absolute":
-        return f"joint{int(digits) - 3}"
-    return f"joint{digits or 1}"
+def _joint_of(place: int, structure: RobotStructure) -> str:
+    """The last joint that a parameter moves."""
+    state = np.linspace(0.3, 0.9, structure.model.joints)[None, :]
+    column = structure.regressor(state, state, state)[0, :, place]
+    return f"joint{int(np.flatnonzero(column)[-1]) + 1}"
 
 
 def _beyond(one: Bounded) -> Check:

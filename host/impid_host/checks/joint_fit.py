@@ -10,8 +10,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from impid_host.checks.equations import Motion, Motions, force_in_base, low, turned
-from impid_host.checks.signals import Signals, TrialSignals
+from impid_host.checks.equations import Motions, force_in_base, low, turned
+from impid_host.checks.physics import Numbers, Violation, violations
+from impid_host.checks.signals import Signals
 from impid_host.impedance.loads import load_model
 from impid_host.signals.arrays import Floats
 
@@ -23,21 +24,6 @@ _RIDGE = 1e-9
 # What a number costs that no robot or load can have: as much as a channel explained beside one that is not.
 IMPOSSIBLE = 8.0
 ODD_SIZE = 3.0
-MATTERS = 0.05
-HEAVIEST_KG = 300.0
-LIGHTEST_KG = 0.003
-STIFFEST_N_M = 1e6
-
-
-@dataclass(frozen=True, slots=True)
-class Violation:
-    """One number that is impossible ("torque.sign") or of a size that no such robot has."""
-
-    what: str
-    where: str
-    value: float
-    words: str
-    odd_size: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,8 +97,9 @@ def fit_jointly(study: Signals, motions: Motions) -> JointFit:
     left |= _payloads_left(study, loads)
     left |= accelerations_left(study, motions)
     left |= angles_left(study)
+    numbers = Numbers(value, _spread(blocks, normal, value, scale), places, kinds)
     alpha = value[: len(study.model.parameter_names)]
-    return JointFit(left, alpha, loads, tuple(_violations(study, motions, value, loads, kinds)), by_trial)
+    return JointFit(left, alpha, loads, tuple(violations(study, motions, numbers)), by_trial)
 
 
 def _blocks(
@@ -205,16 +192,57 @@ def _solved(normal: Floats, right: Floats) -> Floats:
     return np.asarray(np.linalg.solve(scaled, right / size) / size)
 
 
+def _spread(blocks: list[_Block], normal: Floats, value: Floats, scale: dict[str, float]) -> Floats:
+    """Covariance of all parameters, (size, size), from what each channel leaves.
+
+    What a model lacks follows the motion, so that neighbouring rows say the same: a channel's variance is
+    taken times the number of rows that hang together. A direction that the motion leaves open has a spread as
+    large as the ridge allows, and says nothing.
+    """
+    rests: dict[str, list[Floats]] = {}
+    for block in blocks:
+        rests.setdefault(block.group, []).append(_rest(block, value))
+    rows = sum(len(block.target) for block in blocks)
+    few = max(rows / max(rows - len(value), 1), 1.0)
+    noise = {
+        group: few * together(parts) * float(np.mean(np.concatenate(parts) ** 2))
+        for group, parts in rests.items()
+    }
+    meat, nothing = np.zeros_like(normal), np.zeros(len(value))
+    for block in blocks:
+        _add(meat, nothing, block, noise[block.group] / (_WEIGHT * scale[block.group]) ** 4)
+    size = np.sqrt(np.maximum(np.diag(normal), 1e-30))
+    bread = np.linalg.inv(normal / np.outer(size, size) + _RIDGE * np.eye(len(size)))
+    usual = max((noise[group] / (_WEIGHT * scale[group]) ** 2 for group in noise), default=1.0)
+    whole = meat / np.outer(size, size) + _RIDGE * usual * np.eye(len(size))
+    return np.asarray(bread @ whole @ bread / np.outer(size, size))
+
+
+def together(parts: list[Floats]) -> float:
+    """How many neighbouring rows of residuals say the same: 1 and twice the sum of their correlations."""
+    longest = max(1, min(len(part) for part in parts) // 4)
+    power = sum(float(part @ part) for part in parts)
+    total = 1.0
+    for lag in range(1, longest):
+        rho = sum(float(part[lag:] @ part[:-lag]) for part in parts) / max(power, 1e-300)
+        if rho <= 0.05:
+            break
+        total += 2 * rho
+    return total
+
+
+def _rest(block: _Block, value: Floats) -> Floats:
+    rest = block.target - block.design @ value[block.columns]
+    return rest if block.more is None else rest - block.more[0] @ value[block.more[1]]
+
+
 def _left(
     blocks: list[_Block], value: Floats, scale: dict[str, float]
 ) -> tuple[dict[str, float], dict[str, float]]:
     square: dict[str, list[float]] = {}
     trials: dict[str, list[float]] = {}
     for block in blocks:
-        rest = block.target - block.design @ value[block.columns]
-        if block.more is not None:
-            rest = rest - block.more[0] @ value[block.more[1]]
-        share = rest / scale[block.group]
+        share = _rest(block, value) / scale[block.group]
         for store, key in ((square, block.group), (trials, block.trial)):
             entry = store.setdefault(key, [0.0, 0.0])
             entry[0] += float(share @ share)
@@ -268,98 +296,3 @@ def angles_left(study: Signals) -> dict[str, float]:
             # Against a radian: a twentieth of one is nothing that a person mistakes.
             result[f"zero{joint + 1}"] = float(np.sqrt(np.mean(np.square(apart))))
     return result
-
-
-def _violations(
-    study: Signals, motions: Motions, value: Floats, loads: dict[str, Floats], kinds: dict[str, str]
-) -> Iterator[Violation]:
-    if not study.trials:
-        return
-    if any(trial.kind == "free" for trial in study.trials):
-        yield from _robot_violations(study, motions, value)
-    for name, q in loads.items():
-        yield from _load_violations(study, name, kinds[name], q)
-
-
-def _robot_violations(study: Signals, motions: Motions, value: Floats) -> Iterator[Violation]:
-    model = study.model
-    p = len(model.parameter_names)
-    alpha = value[:p]
-    free = [trial for trial in study.trials if trial.kind == "free"]
-    all_motions = [motions.of(trial, study) for trial in free]
-    spots = np.concatenate([motion.inertia_at for motion in all_motions])
-    I = model.inertia(spots, alpha)  # noqa: E741  (the papers' letter)
-    diagonal = np.einsum("kii->ki", I)
-    ok = True
-    for joint in range(model.joints):
-        lowest = float(diagonal[:, joint].min())
-        if lowest < 0 and _felt(free, all_motions, alpha, joint):
-            ok = False
-            yield Violation(
-                "inertia",
-                f"joint{joint + 1}",
-                lowest,
-                f"the robot's inertia about joint {joint + 1} comes out at {lowest:.3g}",
-            )
-    eigen = np.linalg.eigvalsh(I)
-    if ok and model.joints > 1 and float(eigen[:, 0].min()) < -0.02 * float(eigen[:, -1].max()):
-        yield Violation(
-            "inertia",
-            "+".join(f"joint{joint + 1}" for joint in range(model.joints)),
-            float(eigen[:, 0].min()),
-            "the robot's inertia matrix is not positive definite where it moved",
-        )
-    for k, unit in enumerate(model.parameter_units):
-        if "s/rad" not in unit and unit != "N*s/m":
-            continue
-        joint = int(np.argmax(np.abs(all_motions[0].robot[:, :, k]).sum(axis=0)))
-        torque = np.concatenate([low(trial.torque)[:, joint] for trial in free])
-        part = np.concatenate([m.robot[:, joint, k] for m in all_motions]) * alpha[k]
-        if alpha[k] < 0 and np.std(part) > 0.15 * np.std(torque):
-            yield Violation(
-                "friction",
-                f"joint{joint + 1}",
-                float(alpha[k]),
-                f"joint {joint + 1} has a viscous friction of {alpha[k]:.3g}: it would push itself",
-            )
-    if model.joints == len(model.task_axes) and ok:
-        J = np.concatenate([motion.J_at for motion in all_motions])
-        reach2 = np.maximum(np.sum(J**2, axis=1), 1e-12)
-        heavy = float(np.median(diagonal / reach2, axis=0).max())
-        light = float(np.median(diagonal / reach2, axis=0).min())
-        if heavy > HEAVIEST_KG or 0 < light < LIGHTEST_KG:
-            yield Violation(
-                "size",
-                "",
-                heavy if heavy > HEAVIEST_KG else light,
-                f"the robot weighs like {heavy if heavy > HEAVIEST_KG else light:.3g} kg at its end",
-                odd_size=True,
-            )
-
-
-def _felt(free: list[TrialSignals], motions: list[Motion], alpha: Floats, joint: int) -> bool:
-    """Whether inertia is a part of this joint's torque that can be told."""
-    p = len(alpha)
-    torque = np.concatenate([low(trial.torque)[:, joint] for trial in free])
-    part = np.concatenate([motion.robot[:, joint, :p] for motion in motions]) @ alpha
-    return bool(np.std(part) > MATTERS * np.std(torque))
-
-
-def _load_violations(study: Signals, name: str, kind: str, q: Floats) -> Iterator[Violation]:
-    load = load_model(kind, tuple(study.model.task_axes))
-    d = len(load.axes)
-    M = (load.matrix_map("a") @ q).reshape(d, d)
-    K = (load.matrix_map("x") @ q).reshape(d, d)
-    mass = float(np.linalg.eigvalsh(0.5 * (M + M.T))[0])
-    stiff = np.linalg.eigvalsh(0.5 * (K + K.T))
-    largest = float(np.abs(stiff).max())
-    if mass < -0.05 * float(np.abs(M).max()) and float(np.trace(M)) < 0:
-        yield Violation("mass", name, mass, f"{name} has a mass of {mass:.3g}")
-    if kind == "mass-spring" and float(stiff[0]) < -0.05 * largest:
-        yield Violation("spring", name, float(stiff[0]), f"the springs of {name} push ({stiff[0]:.3g})")
-    if kind == "arm" and float(np.trace(K)) < -0.2 * largest:
-        yield Violation(
-            "spring", name, float(stiff[0]), f"the stiffness of {name} is negative ({stiff[0]:.3g})"
-        )
-    if not load.rotary and float(np.trace(M)) / d > HEAVIEST_KG:
-        yield Violation("size", name, mass, f"{name} weighs {np.trace(M) / d:.3g} kg", odd_size=True)

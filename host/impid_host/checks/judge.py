@@ -9,16 +9,14 @@ from impid_host.checks.check import Check, Checks, Verdict
 from impid_host.checks.disagree import disagreements
 from impid_host.checks.equations import Motions
 from impid_host.checks.joint_fit import JointFit
-from impid_host.checks.looks import looks
+from impid_host.checks.looks import looks, unmatched
 from impid_host.checks.mistakes.hypothesis import Hypothesis
 from impid_host.checks.search import Found, search
 from impid_host.checks.signals import Signals, signals_of
-from impid_host.robot.model import robot_model
 from impid_host.signals.arrays import Floats
 from impid_host.study.model import Study
 
 _ALIKE = 0.8
-_MOST_JOINTS = 2
 _TELL = {
     frozenset({"torque", "force"}): "a trial with a weighed payload (payload_kg in its trial.toml)",
     frozenset({"torque", "links"}): "a tape measure on the links, or a weighed payload",
@@ -41,11 +39,9 @@ def check_study(study: Study) -> Checks:
     """
     signals = signals_of(study)
     if not signals.trials:
-        return Checks()
+        return Checks.of(unmatched(study, signals))
     motions = Motions()
     seen = list(looks(study, signals, motions))
-    if not searched(study):
-        return Checks.of(seen)
     signals = _without(signals, seen)
     unlike = list(_unlike(signals))
     if unlike:
@@ -58,15 +54,6 @@ def check_study(study: Study) -> Checks:
     named = [check for found in outcome.found for check in _said(found)]
     rest = disagreements(outcome.study, outcome.fit, motions, study.setup)
     return Checks.of([*seen, *named, *rest])
-
-
-def searched(study: Study) -> bool:
-    """Whether mistakes are looked for by regression: on robots of up to two joints.
-
-    A whole arm has more parameters than a short record tells apart, and what is left of it then looks like a
-    swapped or turned torque. No campaign has judged the search there, and a false cause is worse than none.
-    """
-    return robot_model(study.setup.robot).joints <= _MOST_JOINTS
 
 
 def _without(signals: Signals, seen: list[Check]) -> Signals:

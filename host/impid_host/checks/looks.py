@@ -16,7 +16,8 @@ from impid_host.study.model import Study, Trial
 # A share of rows at one end of a channel, and how often its neighbours' number, that no motion gives.
 _CLIPPED_SHARE = 0.004
 _CLIPPED_TIMES = 8.0
-_RESTS = 2e-3
+_STRAY = 0.001
+RESTS = 2e-3
 _SILENT = 0.1  # m/s^2: what noise, tilt and warm-up of a sensor at rest stay below
 _ALIKE_SHARE = 0.5
 _ANGLES = "impid-host fit --acceleration angles"
@@ -37,7 +38,10 @@ def flat_share(values: Floats) -> float:
     """Share of rows (N,) that pile up at the ends of a channel's range; 0 where they do not."""
     ends = 0.0
     step = _grain(values)
-    span = float(np.ptp(values))
+    # A few readings far outside would make everything else one end.
+    lowest, highest = np.quantile(values, (_STRAY, 1 - _STRAY)) if len(values) else (0.0, 0.0)
+    values = np.clip(values, lowest, highest)
+    span = float(highest - lowest)
     if step <= 0 or span < 20 * step or len(values) < 200:
         return 0.0
     width = max(step, span / 400)
@@ -177,7 +181,7 @@ def _resting(study: Study, signals: Signals) -> Iterator[Check]:
         for trial, span, other in zip(
             signals.trials, logged, counted if len(counted) == len(logged) else logged, strict=True
         ):
-            if min(span, other) > _RESTS or max(span, other) <= _RESTS:
+            if min(span, other) > RESTS or max(span, other) <= RESTS:
                 continue
             side = "module's encoder" if other < span else "controller's angle"
             yield Check(
@@ -192,7 +196,7 @@ def _resting(study: Study, signals: Signals) -> Iterator[Check]:
         still = [
             trial.name
             for trial, span in zip(signals.trials, logged, strict=True)
-            if span <= _RESTS and np.ptp(trial.theta[:, joint]) <= _RESTS
+            if span <= RESTS and np.ptp(trial.theta[:, joint]) <= RESTS
         ]
         if still and len(still) == len(logged):
             yield Check(
@@ -257,6 +261,7 @@ def _times(study: Study, signals: Signals) -> Iterator[Check]:
             "robot.csv: put what follows the jump into a trial of its own",
         )
     yield from _stamps(study)
+    yield from unmatched(study, signals)
     factors = {trial.time_factor for trial in signals.trials}
     for factor in sorted(factors - {1.0}):
         names = [trial.name for trial in signals.trials if trial.time_factor == factor]
@@ -269,6 +274,29 @@ def _times(study: Study, signals: Signals) -> Iterator[Check]:
             + ("t is not in seconds" if unit else "its rows were stamped with another rate than they have"),
             {"factor": factor},
             f'robot.csv, or the mapping it is imported by: t = {{ column = "...", scale = {factor:.6g} }}',
+        )
+
+
+def unmatched(study: Study, signals: Signals) -> Iterator[Check]:
+    """Trials whose logs have too little time in common to be put on one clock."""
+    known = {trial.name for trial in signals.trials}
+    for trial in study.trials:
+        device, log = trial.device, robot_rows(trial.robot)
+        if trial.name in known or device is None or len(device) < 100 or len(log) < 40:
+            continue
+        module, robot = float(np.ptp(device.t_us)) * 1e-6, float(np.ptp(log.t))
+        units = [k for k in (1e-6, 1e-3, 1e3, 1e6) if module > 0 and 0.3 < module / (robot * k) < 3.0]
+        if not units and 0.5 < module / max(robot, 1e-9) < 2.0:
+            continue  # merely short
+        yield Check(
+            "time.unit" if units else "clocks.disagree",
+            trial.name,
+            "contradiction",
+            f"{trial.name}: by its own clock the module's log lasts {module:.4g} s, the robot's {robot:.4g}",
+            {"module_s": module, "robot_s": robot},
+            f"{trial.name}: check the units of t_us in device.csv (us) and of t in robot.csv (s)"
+            if units
+            else f"{trial.name}: check that device.csv and robot.csv are of one trial",
         )
 
 

@@ -1,29 +1,39 @@
 """A finished fit before the gate: numbers of `fit`, of a saved model, of spectra; negative VAFs."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 import numpy as np
 
 from impid_host.checks.check import Check, Checks
-from impid_host.checks.gate import LoadNumbers, gate
+from impid_host.checks.gate import LoadNumbers, RobotNumbers, gate
+from impid_host.checks.of_effects import bounded
+from impid_host.diagnosis.result import Chosen
 from impid_host.impedance.campaign import StudyFit
 from impid_host.impedance.identify import RobotFit
-from impid_host.robot.model import robot_model
-from impid_host.study.model import Study
 
 # Below zero the model is worse than a constant; a trial in which next to nothing moves comes near it.
 _NEGATIVE = -5.0
 _METHODS = {"virtual sensor": "Method 1", "physical sensor": "Method 2"}
 
 
-def gate_fit(study: Study, result: StudyFit) -> Checks:
-    """Everything that the fit is about to print, against physics."""
-    robot = result.robot
-    parameters = robot.parameters if isinstance(robot, RobotFit) else robot
-    model = robot_model(study.setup.robot)
-    p = len(model.parameter_names)
-    whole = isinstance(robot, RobotFit) and parameters.unseen is None and len(parameters.value) >= p
-    theta = [trial.theta[trial.valid] for trial in result.trials if trial.kind == "free"]
+def gate_fit(result: StudyFit, effects: Iterable[Chosen] = ()) -> Checks:
+    """Everything that the fit is about to print, against physics.
+
+    Args:
+        effects: of a saved model that the fit stands on.
+    """
+    robot = result.robot.parameters if isinstance(result.robot, RobotFit) else result.robot
+    theta = [trial.theta[trial.valid] for trial in result.trials]
+    names = robot.structure.parameter_names
+    # Directions that the trials leave open make every number beside them arbitrary.
+    known = robot.origin != "unknown" and robot.unseen is None and len(robot.value) == len(names)
+    numbers = RobotNumbers(
+        robot.structure,
+        names,
+        robot.value,
+        robot.covariance,
+        np.concatenate(theta) if theta else np.zeros((0, robot.structure.model.joints)),
+    )
     loads = [
         LoadNumbers(
             f"{fit.load} ({_METHODS[fit.method]})", fit.model.name, fit.M, fit.B, fit.K, fit.model.rotary
@@ -34,13 +44,7 @@ def gate_fit(study: Study, result: StudyFit) -> Checks:
         LoadNumbers(f"{fit.load} (spectral, {_METHODS[fit.method]})", fit.on, fit.M, fit.B, fit.K)
         for fit in result.spectral
     ]
-    found = gate(
-        model=model if whole else None,
-        alpha=parameters.value[:p] if whole else None,
-        covariance=parameters.covariance[:p, :p] if whole else None,
-        theta=np.concatenate(theta) if theta else None,
-        loads=loads,
-    )
+    found = gate(robot=numbers if known else None, loads=loads, parameters=bounded(effects))
     return found.with_more(_negative(result)).with_more(_undetermined(result))
 
 

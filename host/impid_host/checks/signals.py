@@ -97,6 +97,11 @@ class Signals:
         """The same apparatus with other trials."""
         return replace(self, trials=trials)
 
+    def with_model(self, name: str) -> "Signals":
+        """The same study on another model of the robot."""
+        robot = replace(self.robot, model=name)
+        return replace(self, robot=robot, model=robot_model(robot))
+
     def with_lengths(self, lengths: tuple[float, ...]) -> "Signals":
         """The same study on a robot of other link lengths, m."""
         robot = replace(self.robot, link_lengths_m=lengths)
@@ -200,7 +205,7 @@ def _counted(run: ModuleSamples, encoder: EncoderSetup, wraps: list[tuple[str, i
 
 
 def _slow(trial: Trial, setup: Setup) -> TrialSignals | None:
-    log = unbroken(robot_rows(trial.robot))
+    log = with_forces(unbroken(robot_rows(trial.robot)))
     if len(log) < 40:
         return None
     t = log.t - log.t[0]
@@ -241,7 +246,7 @@ def _slow(trial: Trial, setup: Setup) -> TrialSignals | None:
         angles=logged,
         counted=counted,
         torque=_onto(stamped, log.tau, grid),
-        force=None if log.force is None else _onto(stamped, np.nan_to_num(log.force), grid),
+        force=None if log.force is None else _onto(stamped, log.force, grid),
         acceleration=acceleration,
         time_factor=factor,
         likeness=1.0 if both is None else both.likeness,
@@ -284,7 +289,25 @@ def unbroken(log: RobotLog) -> RobotLog:
         return log
     edges = np.concatenate([[0], jumps(log), [len(log)]])
     longest = int(np.argmax(np.diff(edges)))
-    part = slice(int(edges[longest]), int(edges[longest + 1]))
+    return _part(log, int(edges[longest]), int(edges[longest + 1]))
+
+
+def with_forces(log: RobotLog) -> RobotLog:
+    """The longest stretch in which the force sensor has readings; without it, where that is short."""
+    if log.force is None or np.isfinite(log.force).all():
+        return log
+    there = np.isfinite(log.force).all(axis=1)
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], there, [False]]).astype(np.int8)))
+    runs = edges.reshape(-1, 2)
+    if len(runs):
+        first, end = runs[int(np.argmax(runs[:, 1] - runs[:, 0]))]
+        if end - first >= len(log) // 4:
+            return _part(log, int(first), int(end))
+    return replace(log, force=None)
+
+
+def _part(log: RobotLog, first: int, end: int) -> RobotLog:
+    part = slice(first, end)
     names = ("t", "theta", "tau", "force", "perturbation", "sync")
     columns = {name: own for name in names if (own := getattr(log, name)) is not None}
     return replace(log, **{name: own[part] for name, own in columns.items()})

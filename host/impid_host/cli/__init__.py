@@ -10,6 +10,8 @@ from impid_host.errors import ImpidError
 
 # name -> what it does; the module of the same name holds a click command called `command`.
 COMMANDS = {
+    "doctor": "Ports, permissions, board, versions, clock, disk: is this desk ready?",
+    "init": "Write setup.toml from a short dialogue, or from a URDF.",
     "record": "Record the sensor board (or the simulator) into an MCAP file.",
     "info": "Tell what a recording holds.",
     "device": "Talk to the board: info, self-test, calibrate, set, reset, log.",
@@ -17,6 +19,8 @@ COMMANDS = {
     "check": "Look for mistakes in a study: signs, units, swaps, labels.",
     "fit": "Identify the robot, then the load or arm, of a study.",
     "diagnose": "Find what the model lacks in a study, and prove it on held-out data.",
+    "report": "One page about a study: verdict, tables, figures, provenance.",
+    "compare": "Change of M, B, K from session to session; many studies as one table.",
     "judge": "Error of a saved model on other records of the same machine, nothing fitted.",
     "import": "Turn foreign logs (CSV, Parquet, .mat) into a study folder.",
     "export": "Write a study folder, Parquet, .mat or CAN log from a recording.",
@@ -29,6 +33,10 @@ class _LazyGroup(click.Group):
 
     def list_commands(self, ctx: click.Context) -> list[str]:  # noqa: ARG002
         return list(COMMANDS)
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:  # noqa: ARG002
+        with formatter.section("Commands"):
+            formatter.write_dl(list(COMMANDS.items()))
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:  # noqa: ARG002
         if cmd_name not in COMMANDS:

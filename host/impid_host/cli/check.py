@@ -9,7 +9,7 @@ import click
 import tomli_w
 from rich.console import Console
 
-from impid_host.checks import Change, Checks, agreement, check_study, searched
+from impid_host.checks import Change, Checks, agreement, check_study
 from impid_host.cli.checked import IMPOSSIBLE, unconfirmed
 from impid_host.cli.inputs import load_inputs
 from impid_host.errors import InputError
@@ -56,10 +56,6 @@ def command(study: Path, json_to: str | None, fix: bool) -> None:
         print_below(console, checks)
         if not len(checks):
             console.print(f"{read.name}: nothing contradicts itself or physics.")
-        if not searched(read):
-            console.print(
-                "A whole arm: signs, units and swapped channels were not tried (docs/checks.md says why)."
-            )
         assumption = unconfirmed(read)
         if assumption:
             console.print(assumption)

@@ -22,11 +22,19 @@ from impid_host.report.check_tables import print_above, print_below, with_marks
 from impid_host.report.diagnosis_json import diagnosis_json
 from impid_host.report.diagnosis_tables import effect_table, parameter_table, stage_table
 from impid_host.report.diagnosis_units import structure_words
+from impid_host.report.sessions_json import sessions_json
 from impid_host.report.wide_console import table_console
 
 
 @click.command()
 @click.argument("study", type=click.Path(path_type=Path))
+@click.option(
+    "--cutoff",
+    type=click.FloatRange(0.5, 200),
+    metavar="HZ",
+    help="Tell errors below this frequency; by default, as `fit` does, twice the band of the motion, 4.5 Hz "
+    "at least.",
+)
 @click.option(
     "--json", "json_to", metavar="FILE|-", help="Also write the answer as JSON (- for standard output)."
 )
@@ -38,7 +46,9 @@ from impid_host.report.wide_console import table_console
     type=click.Path(path_type=Path, dir_okay=False),
     help="Write robot, loads and effects found, with the hashes of the data.",
 )
-def command(study: Path, json_to: str | None, figures: Path | None, save_model: Path | None) -> None:
+def command(
+    study: Path, cutoff: float | None, json_to: str | None, figures: Path | None, save_model: Path | None
+) -> None:
     """Find the cause of what the papers' model leaves unexplained, and prove it on held-out data.
 
     Effects of a fixed catalogue (friction, springs, delays, sensor faults, what a load does beyond mass and
@@ -56,7 +66,11 @@ def command(study: Path, json_to: str | None, figures: Path | None, save_model: 
         task = bar.add_task("checking", total=1.0)
         checks = check_study(read)
         try:
-            answer = diagnose(read, lambda words, share: bar.update(task, description=words, completed=share))
+            answer = diagnose(
+                read,
+                lambda words, share: bar.update(task, description=words, completed=share),
+                cutoff_hz=cutoff,
+            )
         except UndeterminedError as error:
             refused(read, checks, error, json_to)
     checks = beside_diagnosis(read, answer, checks)
@@ -73,7 +87,7 @@ def command(study: Path, json_to: str | None, figures: Path | None, save_model: 
     if save_model is not None:
         write_model(answer, read, save_model)
     if json_to is not None:
-        text = json.dumps(diagnosis_json(answer, checks), indent=2, allow_nan=False)
+        text = json.dumps(diagnosis_json(answer, checks) | sessions_json(read), indent=2, allow_nan=False)
         if json_to == "-":
             click.echo(text)
         else:

@@ -10,6 +10,7 @@ from impid_host.calibration.applied import apply, read_calibration, with_calibra
 from impid_host.cli.checked import offer_check
 from impid_host.errors import InputError
 from impid_host.recording.export.can_log import write_can_log
+from impid_host.recording.export.origin import write_origin
 from impid_host.recording.export.tables import write_mat, write_parquet
 from impid_host.recording.reader import Recording, read_recording
 from impid_host.samples import DeviceSamples
@@ -148,8 +149,9 @@ def command(
         _refuse_existing(trials, out)
         if not (out / "setup.toml").exists():
             begin_study(setup, out)
-        for each in trials:
+        for each, recording in zip(trials, recordings, strict=True):
             place = write_trial(each, out)
+            write_origin(recording, place)
             click.echo(
                 f"{place}: {each.kind}, {len(each.device or ())} samples, {len(each.robot)} robot rows"
             )

@@ -26,12 +26,14 @@ from impid_host.report.check_tables import agreement_table, print_above, print_b
 from impid_host.report.fit_json import Json, fit_json
 from impid_host.report.fit_page import print_fit
 from impid_host.report.reflex_report import reflex_json, reflex_table
+from impid_host.report.sessions_json import sessions_json
 from impid_host.report.wide_console import table_console
 from impid_host.robot.terms import TERMS
 from impid_host.signals.chain import CHAINS, DEFAULT, Chain
 from impid_host.study.model import Study
 
 if TYPE_CHECKING:
+    from impid_host.diagnosis.result import Chosen
     from impid_host.diagnosis.reuse import Provenance
 
 REFLEX = "load.delay"
@@ -182,7 +184,7 @@ def command(
         if drawn is not None:
             click.echo(drawn)
     if json_to is not None:
-        _write(json.dumps(_document(answer, extras), indent=2), json_to)
+        _write(json.dumps(_document(answer, extras) | sessions_json(study), indent=2), json_to)
     if answer.checks.impossible:
         raise SystemExit(IMPOSSIBLE)
 
@@ -217,20 +219,22 @@ def _answer(
 ) -> _Answer:
     """Check, fit, and hold the fit against physics and against what was measured twice."""
     checks = check_study(study)
-    provenance = None
+    provenance: Provenance | None = None
+    effects: tuple[Chosen, ...] = ()
     try:
         if saved is None:
             result = fit_study(study, options, progress)
         else:
             from impid_host.diagnosis.reuse import fit_with_model  # noqa: PLC0415  (the catalogue is slow to import)
 
-            result, provenance = fit_with_model(study, saved, options, progress, keep_robot=keep_robot)
+            reused = fit_with_model(study, saved, options, progress, keep_robot=keep_robot)
+            result, provenance, effects = reused.fit, reused.provenance, reused.effects
             # What is judged is the study with the model's effects taken out.
             checks = of_input(checks)
     except UndeterminedError as error:
         refused(study, checks, error, json_to)
     twice = agreement(study, result.loads)
-    checks = checks.with_more(gate_fit(study, result)).with_more(twice.checks)
+    checks = checks.with_more(gate_fit(result, effects)).with_more(twice.checks)
     return _Answer(result, provenance, checks, twice)
 
 

@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import click
@@ -52,6 +53,24 @@ def load_inputs(paths: Sequence[Path], robot_logs: Sequence[Path], setup: Path |
         ]
         logged_joints(apparatus.robot, trials[0].robot.theta.shape[1], setup)
     return Study(paths[0].stem, apparatus, tuple(sorted(trials, key=lambda trial: trial.name)), source=None)
+
+
+def load_studies(paths: Sequence[Path]) -> list[Study]:
+    """Several study folders; where two have one name, their parents' names are put before it.
+
+    Raises:
+        InputError: as `load_inputs`, or the same folder twice.
+    """
+    places = [path.resolve() for path in paths]
+    for path, place in zip(paths, places, strict=True):
+        if places.count(place) > 1:
+            raise InputError(path, "is given twice", "give each study once")
+    read = [load_inputs([path], (), None) for path in paths]
+    names = [study.name for study in read]
+    return [
+        replace(study, name=f"{place.parent.name}/{study.name}") if names.count(study.name) > 1 else study
+        for study, place in zip(read, places, strict=True)
+    ]
 
 
 def _recording(path: Path) -> Recording:

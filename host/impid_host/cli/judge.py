@@ -53,13 +53,15 @@ def command(
     """
     saved = read_model(model)
     read = [load_inputs([study], (), None) for study in studies]
-    from impid_host.diagnosis.other_records import BANDS_HZ, judge  # noqa: PLC0415  (the catalogue is slow to import)
+    from impid_host.checks.of_model import gate_model  # noqa: PLC0415  (the catalogue is slow to import)
+    from impid_host.diagnosis.other_records import BANDS_HZ, judge  # noqa: PLC0415
     from impid_host.report.judgement import band_table, judgement_json, lines, warnings  # noqa: PLC0415
 
     with Console(stderr=True).status("checking") as status:
         checks = _checks(read)
         status.update("judging")
         answer = judge(saved, read, bands or BANDS_HZ, refit_record=refit_record)
+        checks = checks.with_more(gate_model(saved, read, answer.effects))
     for line in warnings(answer):
         click.echo(line, err=True)
     if json_to != "-":

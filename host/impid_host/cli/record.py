@@ -17,6 +17,7 @@ from impid_host.calibration.applied import as_metadata, read_calibration
 from impid_host.cli.link_options import address_of, link_options
 from impid_host.clock.device import fit_clock
 from impid_host.errors import InputError, LinkError, UndeterminedError
+from impid_host.extras import need
 from impid_host.link.address import Address
 from impid_host.link.board_info import build_name
 from impid_host.link.client import BoardClient
@@ -205,6 +206,7 @@ def _record(order: _Order, stopped: Callable[[], bool]) -> Outcome:
 
 
 def _announced_view(host: str, port: int) -> LiveView:
+    need("aiohttp", "the live view")
     view = LiveView.start(host, port)
     click.echo(f"live view: {view.url}  (token for stopping and marking: {view.token})", err=True)
     return view

@@ -14,9 +14,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
 
 from impid_host.errors import UndeterminedError
+from impid_host.signals.quantiles import student_975
 
 Floats = NDArray[np.float64]
 
@@ -119,7 +119,7 @@ def fit_clock(
     # The quickest weigh so much that few exchanges carry the fit: their effective number sets the freedom.
     freedom = max(1.0, float(weight.sum() ** 2 / (weight @ weight)) - 2)
     variance = max(float(weight @ residual**2) / (len(used) - 2), _UNIFORM_VARIANCE)
-    half_width = float(stats.t.ppf(0.975, freedom))
+    half_width = float(student_975(freedom))
     # The bound on the drift is knowledge too: it also bounds how wrong the drift can be.
     slope_interval = (
         min(half_width * np.sqrt(variance / spread), max_drift_ppm * 1e-6) if spread > 0 else np.inf

@@ -10,12 +10,12 @@ residual wins, if it wins clearly.
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy import stats
 
 from impid_host.clock.lags import Motion, coarse_lags, smallest_step
 from impid_host.clock.refine import Solution, gauss_newton, interpolant_of, refine
 from impid_host.errors import UndeterminedError
 from impid_host.signals.arrays import Floats
+from impid_host.signals.quantiles import student_975
 
 # At 2 Hz a millisecond is 1.3 % of a cycle: damping would show it.
 WIDEST_S = 1e-3
@@ -84,7 +84,7 @@ class RobotClockFit:
         return (self.drift_ppm - half, self.drift_ppm + half)
 
     def _half_width(self, index: int) -> float:
-        return float(stats.t.ppf(0.975, self.dof) * np.sqrt(self.covariance[index, index]))
+        return float(student_975(self.dof) * np.sqrt(self.covariance[index, index]))
 
 
 def match_clocks(

@@ -1,7 +1,7 @@
 """Arbitration: where two explanations are alike, what each would make of the patient's arm; nobody is blamed.
 
-A tie whose members would report another robot or another load is material. Between instruments it is left
-open: the last stage's interval covers all of them.
+A tie whose members would report another robot or another load is material. Between instruments, or where the
+name is not likely by itself, it is left open: the last stage's interval covers all of them.
 """
 
 from collections.abc import Mapping, Sequence
@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from impid_host.diagnosis.choice import Choice
+from impid_host.diagnosis.choice import Choice, probability
 from impid_host.diagnosis.refit import Refit
 from impid_host.diagnosis.result import Chosen, Number, Stage, Tie
 from impid_host.diagnosis.search import RULES
@@ -81,7 +81,8 @@ def arbitrated(choice: Choice, bench: Bench, chosen: Mapping[int, Chosen], fit: 
         labels = [label for label in own.labels if label in under or label in chosen[own.slot].term.holds]
         if len(labels) < 2:
             continue
-        material = _differ(list(under.values()))
+        doubtful = probability(choice.walk, [own.slot]) < RULES.likely
+        material = doubtful or _differ(list(under.values()))
         ties.append(
             Tie(
                 tuple(labels),
@@ -91,7 +92,7 @@ def arbitrated(choice: Choice, bench: Bench, chosen: Mapping[int, Chosen], fit: 
         )
         if material:
             stages += list(under.values())
-            if _between_instruments(list(under)):
+            if doubtful or _between_instruments(list(under)):
                 left_open.append(own.slot)
     covering = None if plain is None or not stages else _covered(plain, stages)
     return Verdict(tuple(_once(ties)), tuple(left_open), covering)

@@ -67,11 +67,24 @@ class Base:
                 result["force"] = force
         return result
 
+    def predicted(self, view: View, value: Floats) -> Columns:
+        """`columns` times `value`, without forming them: family -> (N, c)."""
+        Y = replace(self.structure, model=view.model).regressor(view.theta, view.omega, view.acc, view.dt)
+        torque = np.zeros(Y.shape[:2]) if self.bare else Y @ value[: Y.shape[2]]
+        result = {"torque": torque}
+        if view.load is not None:
+            A = dict(self.loads)[view.load].regressor(view.x, view.v, view.a)
+            force = A @ value[self.slot(view.load)]
+            result["torque"] = torque + np.einsum("kij,ki->kj", view.J, force)
+            if view.force is not None:
+                result["force"] = force
+        return result
+
     def informed(self, view: View, value: Floats) -> View:
         """The view with the model's torque, equilibrium and response at `value` in it."""
 
         def respond(other: View) -> Columns:
-            answer = {family: columns @ value for family, columns in self.columns(other).items()}
+            answer = self.predicted(other, value)
             if other.predicted is not None:
                 answer["specific_force"] = other.predicted
             return answer
@@ -107,9 +120,16 @@ def base_of(parts: Sequence[View], structure: RobotStructure, *, prior: bool = F
     return Base(structure, loads, bare)
 
 
-def baseline(setup: Setup, model: RobotModel) -> str:
-    """What a diagnosis starts from, "papers" or "textbook": as setup.toml says, else by the robot."""
-    return setup.robot.baseline or model.baseline
+def baseline(setup: Setup, model: RobotModel, *, given: bool = False) -> str:
+    """What a diagnosis starts from, "papers" or "textbook": as setup.toml says, else by the robot.
+
+    Args:
+        given: no trial shows the robot, so that it is what [prior] says of it: no dry friction where that has
+            none.
+    """
+    prior = setup.prior_alpha
+    bare = given and prior is not None and len(prior) == len(model.parameter_names)
+    return setup.robot.baseline or ("papers" if bare else model.baseline)
 
 
 TEXTBOOK = ("friction.coulomb", "actuator.offset")
@@ -124,9 +144,14 @@ def textbook_structure(model: RobotModel) -> RobotStructure:
     return replace(robot_structure(model, TEXTBOOK), gravity=model.task_is_rotary)
 
 
-def structure_of(setup: Setup, model: RobotModel) -> RobotStructure:
-    """The robot's model that a diagnosis starts from."""
-    return textbook_structure(model) if baseline(setup, model) == "textbook" else robot_structure(model)
+def structure_of(setup: Setup, model: RobotModel, *, given: bool = False) -> RobotStructure:
+    """The robot's model that a diagnosis starts from; see `baseline`."""
+    return structure_named(baseline(setup, model, given=given), model)
+
+
+def structure_named(name: str, model: RobotModel) -> RobotStructure:
+    """The model of "papers" or "textbook"."""
+    return textbook_structure(model) if name == "textbook" else robot_structure(model)
 
 
 def lacking(base: Base, tried: Iterable[Term]) -> list[Term]:

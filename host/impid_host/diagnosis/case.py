@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from impid_host.diagnosis.base import Base, base_of, lacking, structure_of
-from impid_host.diagnosis.holdout import Holdout, hold_out
+from impid_host.diagnosis.holdout import FIFTH, FIT, Holdout, hold_out, settled
 from impid_host.diagnosis.noise import Noise, noise_models, tail_of, whitened
 from impid_host.diagnosis.oddities import Oddity
 from impid_host.diagnosis.prepare import setting_of, views
@@ -23,6 +23,7 @@ from impid_host.errors import UndeterminedError
 from impid_host.impedance.linear import ROWS_PER_PARAMETER
 from impid_host.robot.model import robot_model
 from impid_host.signals.arrays import Floats
+from impid_host.signals.chain import DEFAULT
 from impid_host.study.model import Study
 
 Progress = Callable[[str, float], None]
@@ -54,17 +55,36 @@ class Case:
         return [view for view in self.views if view.name in self.holdout.fit]
 
 
-def prepare(study: Study, progress: Progress = silent) -> Case:
-    """Align, set the sealed part aside, fit the model that a diagnosis starts from."""
+def prepare(study: Study, progress: Progress = silent, cutoff_hz: float | None = None) -> Case:
+    """Align, set the sealed part aside, fit the model that a diagnosis starts from.
+
+    Args:
+        cutoff_hz: of the band that is reported; None: by the motion.
+    """
     model = robot_model(study.setup.robot)
     progress("aligning", 0.0)
-    parts, oddities = views(study, model)
+    parts, oddities = views(study, model, cutoff_hz)
+    given = all(view.load is not None for view in parts)
+    structure = structure_of(study.setup, model, given=given)
+    base = base_of(parts, structure, prior=study.setup.prior_alpha is not None)
     holdout = hold_out(parts)
-    base = base_of(parts, structure_of(study.setup, model), prior=study.setup.prior_alpha is not None)
+    if not _enough(parts, base, holdout):
+        holdout = replace(holdout, last=FIFTH)
     references = reference_run(base, study)
     setting = setting_of(parts, base, referenced=references is not None)
     progress("fitting the first model", 0.2)
     return Case(tuple(informed(parts, base, holdout)), base, holdout, setting, references, tuple(oddities))
+
+
+def _enough(parts: Sequence[View], base: Base, holdout: Holdout) -> bool:
+    """Whether the fit part has twice the rows that the first model must have."""
+    rows = sum(
+        float(np.sum(holdout.mask(view, FIT) & settled(view.valid, view.rate_hz, chain.edge_s)))
+        / chain.decimation(view.rate_hz)
+        * view.joints
+        for view, chain in ((view, DEFAULT.with_cutoff(view.report_hz)) for view in parts)
+    )
+    return rows >= 2 * ROWS_PER_PARAMETER * base.size
 
 
 def informed(parts: Sequence[View], base: Base, holdout: Holdout) -> list[View]:
@@ -102,8 +122,10 @@ def tabulated(case: Case, noise: Noise | None = None, progress: Progress = silen
         runs = [run for view in used for run in rows_of(view, None, fresh, case.holdout)]
         return _with_references(case, whitened(runs, taps))
 
-    white = _with_references(case, whitened(raw, taps))
-    del raw
+    white: list[Run] = []
+    while raw:  # one set of columns goes as the other comes
+        white += whitened([raw.pop(0)], taps)
+    white = _with_references(case, white)
     plain = Noise(taps, dict.fromkeys([*taps, (REFERENCE, 0)], 1e4))
     table = table_of(white, slots, noise or plain, make)
     return table if noise is not None else replace(table, noise=Noise(taps, _tails(table)))

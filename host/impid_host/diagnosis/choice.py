@@ -3,17 +3,18 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+from impid_host.diagnosis.adequacy import believable
 from impid_host.diagnosis.case import Case, Progress, informed, silent, tabulated
 from impid_host.diagnosis.confidence import confidence_of
 from impid_host.diagnosis.correct import corrected
 from impid_host.diagnosis.events import Event, events
-from impid_host.diagnosis.leftover import Leftover, believable, changes, left_over
+from impid_host.diagnosis.leftover import changes, left_over
 from impid_host.diagnosis.refit import refit
-from impid_host.diagnosis.result import Chosen, Evidence, Rival
+from impid_host.diagnosis.result import Chosen, Evidence, Rival, Structure
 from impid_host.diagnosis.score import Explanation, difference
 from impid_host.diagnosis.search import Found, Walk, search
 from impid_host.diagnosis.table import Table, residuals, swept
-from impid_host.diagnosis.ties import chosen_slots
+from impid_host.diagnosis.ties import chosen_slots, rivals
 from impid_host.effects.effect import Kind, Term, no_gate
 
 _MARGIN_S = 1.0  # left out around an event
@@ -29,7 +30,7 @@ class Choice:
         case: without the events in its fit part.
         best: the set, of the walk's table; named, unnamed: its slots.
         left: what has no name; pushed: stretches that the fit part does without.
-        rejected: labels of names beside which too much is left.
+        rejected: labels of names beside which too much is left, or that are less likely than not.
     """
 
     case: Case
@@ -37,7 +38,7 @@ class Choice:
     best: Explanation
     named: tuple[int, ...]
     unnamed: tuple[int, ...]
-    left: Leftover
+    left: tuple[Structure, ...]
     pushed: tuple[Event, ...]
     rejected: tuple[str, ...] = ()
 
@@ -136,14 +137,22 @@ def _adequate(case: Case, found: Found, pushed: tuple[Event, ...]) -> Choice:
     table = walk.table
     named = [s for s in best.slots if table.term(s).named]
     unnamed = [s for s in best.slots if not table.term(s).named]
-    left = left_over(table, named, unnamed, case.fit_views)
-    kept = believable(table, named, unnamed, left)
+    kept = believable(table, named, case.views[0].report_hz)
+    # Of what these data cannot tell apart one may be right although none is likely by itself.
+    groups = {own.slot: (own.slot, *own.others) for own in rivals(walk, best)}
+    kept = [s for s in kept if probability(walk, groups[s]) > walk.rules.probable]
     rejected = tuple(table.term(s).label for s in named if s not in kept)
     if rejected:
         best = walk.score(tuple(s for s in best.slots if s in kept or s in unnamed))
         unnamed = [s for s in best.slots if not table.term(s).named]
-        left = left_over(table, kept, unnamed, case.fit_views)
+    left = left_over(table, kept, unnamed, case.fit_views)
     return Choice(case, walk, best, tuple(kept), tuple(unnamed), left, pushed, rejected)
+
+
+def probability(walk: Walk, slots: Sequence[int]) -> float:
+    """That one of these names is right."""
+    places = {walk.table.term(s).kind[:2] for s in slots}
+    return confidence_of(walk.table, places, list(walk.visited.values()))
 
 
 def ordered(choice: Choice) -> list[int]:
@@ -170,7 +179,7 @@ def evidence_of(choice: Choice, before: Sequence[int], s: int) -> Evidence:
         share_of_residual=float(min(1.0, less / max(excess, less, 1e-300))),
         gain=by.gain,
         gain_se=by.se,
-        confidence=confidence_of(table, s, list(walk.visited.values())),
+        confidence=probability(walk, [s]),
         runner_up=_runner_up(choice, s),
     )
 

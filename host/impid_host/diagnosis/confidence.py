@@ -5,14 +5,15 @@ Analysis 13, 2018), flattened. The flattening was set by hand on a few simulated
 has calibrated it: 0.9 does not mean yet that nine of ten such names are right.
 """
 
-from collections.abc import Sequence
+from collections.abc import Sequence, Set
 
 import numpy as np
 
-from impid_host.diagnosis.score import Explanation
+from impid_host.diagnosis.score import Explanation, shares
 from impid_host.diagnosis.table import Table
 
-_DRAWS = 200
+Place = tuple[str, tuple[str, ...]]
+
 # A logistic map of the weights' log-odds; not calibrated yet (docs/diagnosis.md).
 _LEVEL, _SLOPE = 1.6, 0.6
 _SUREST = 0.995
@@ -22,31 +23,25 @@ def weights(explanations: Sequence[Explanation]) -> np.ndarray:
     """Weight of each explanation, (E,), summing to 1."""
     density = np.stack([own.density for own in explanations])
     fixed = np.array([own.reference for own in explanations])
-    blocks = density.shape[1]
-    shares = np.random.default_rng(0).dirichlet(np.ones(blocks), _DRAWS) * blocks
-    totals = shares @ density.T + fixed
+    totals = shares(density.shape[1]) @ density.T + fixed
     totals -= totals.max(axis=1, keepdims=True)
     each = np.exp(totals)
     return np.asarray((each / each.sum(axis=1, keepdims=True)).mean(axis=0))
 
 
-def confidence_of(table: Table, slot: int, visited: Sequence[Explanation]) -> float:
-    """Of the slot's effect at its place, 0..1.
+def confidence_of(table: Table, any_of: Set[Place], visited: Sequence[Explanation]) -> float:
+    """That one of these effects at its place is right, 0..1.
 
     Args:
         visited: everything that was scored; of sets that differ in finer shapes alone the best counts.
     """
-    best: dict[frozenset[tuple[str, ...]], Explanation] = {}
+    best: dict[frozenset[Place], Explanation] = {}
     for own in visited:
-        name = frozenset((table.term(s).effect, *table.term(s).where) for s in own.slots)
+        name = frozenset(table.term(s).kind[:2] for s in own.slots)
         if name not in best or own.total > best[name].total:
             best[name] = own
-    sets = list(best)
-    term = table.term(slot)
-    mine = (term.effect, *term.where)
-    share = float(
-        sum(w for w, name in zip(weights([best[n] for n in sets]), sets, strict=True) if mine in name)
-    )
+    weight = weights(list(best.values()))
+    share = float(sum(w for w, name in zip(weight, best, strict=True) if any_of & name))
     share = float(np.clip(share, 1e-6, 1 - 1e-6))
     odds = _LEVEL + _SLOPE * np.log(share / (1 - share))
     return float(min(1 / (1 + np.exp(-odds)), _SUREST))

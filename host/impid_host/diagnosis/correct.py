@@ -3,9 +3,11 @@
 from collections.abc import Sequence
 from dataclasses import replace
 
+from impid_host.diagnosis.base import Base
 from impid_host.diagnosis.result import Chosen
 from impid_host.diagnosis.rows import columns_in
 from impid_host.effects.view import View
+from impid_host.signals.arrays import Floats
 
 
 def corrected(view: View, chosen: Sequence[Chosen]) -> View:
@@ -24,3 +26,13 @@ def corrected(view: View, chosen: Sequence[Chosen]) -> View:
         if "force" in columns and view.force is not None:
             view = replace(view, force=view.force + columns["force"] @ part.beta)
     return view
+
+
+def with_true_model(view: View, chosen: Sequence[Chosen], base: Base, value: Floats) -> View:
+    """The view with the model at `value` in it, of the motion as it truly was.
+
+    Torque and equilibrium are those with the effects taken out of the motion; what the log holds of the
+    effects is not the model's.
+    """
+    true = base.informed(corrected(view, chosen), value)
+    return replace(base.informed(view, value), torque_model=true.torque_model, x0=true.x0, K=true.K)

@@ -8,6 +8,7 @@ import numpy as np
 from impid_host.diagnosis.allowance import widened
 from impid_host.diagnosis.arbitrate import arbitrated, exactly_compared
 from impid_host.diagnosis.base import baseline
+from impid_host.diagnosis.beside import curves_beside
 from impid_host.diagnosis.case import Progress, prepare, saturated, silent
 from impid_host.diagnosis.choice import Choice, chosen, evidence_of, ordered
 from impid_host.diagnosis.floor import PER_COLUMN, noise_floor, resolution_of
@@ -21,22 +22,24 @@ from impid_host.diagnosis.ties import chosen_slots
 from impid_host.diagnosis.tolerance import in_words, with_tolerance
 from impid_host.diagnosis.traces import traces
 from impid_host.diagnosis.verdict import sentence
-from impid_host.effects.bounds import negligible, possible
+from impid_host.effects.bounds import negligible, on_its_bound, possible
 from impid_host.robot.model import RobotModel
-from impid_host.signals.chain import PUBLISHED_CUTOFF_HZ
 from impid_host.study.model import Study
 
 _ABOVE = 1.5  # of the noise floor: what is left is more than chance and an inexact model leave
 _NO_NAME = Evidence(0.0, 0.0, 0.0, 0.0)
 
 
-def diagnose(study: Study, progress: Progress = silent) -> Diagnosis:
+def diagnose(study: Study, progress: Progress = silent, *, cutoff_hz: float | None = None) -> Diagnosis:
     """Find what the first model lacks, add it, and judge it on data that took no part.
+
+    Args:
+        cutoff_hz: of the band in which errors are told; None: the one that `fit` takes, by the motion.
 
     Raises:
         UndeterminedError: the data do not determine the robot or a load, or there is nothing to diagnose.
     """
-    choice = chosen(prepare(study, progress), progress)
+    choice = chosen(prepare(study, progress, cutoff_hz), progress)
     case = choice.case
     progress("judging on data that took no part", 0.85)
     bench = Bench(case, choice.table.noise.taps, study.setup.handle_mass_kg, study.setup.prior_alpha)
@@ -45,10 +48,10 @@ def diagnose(study: Study, progress: Progress = silent) -> Diagnosis:
     verdict = arbitrated(choice, bench, dict(zip(named, fit.chosen, strict=True)), fit)
     certain = [s for s in named if s not in verdict.open_slots]
     stages, last = named_stages(bench, [named[s] for s in certain], _evidence(choice, certain))
-    left = [*choice.left.structures]
+    left = [*choice.left]
     if len(stages) > 1 and worse(stages[-1].rms, stages[0].rms, stretch_of(last.chosen)):
         left += [_not_upheld(stage) for stage in stages[1:]]
-        stages, last = stages[:1], bench.fit([])
+        stages, last = stages[:1], bench.plain
         verdict = replace(verdict, open_slots=(), covering=None, ties=())
     stages, last = with_last_stage(choice, bench, named, stages, last, left, verdict.open_slots)
     widest = with_tolerance(
@@ -63,19 +66,22 @@ def diagnose(study: Study, progress: Progress = silent) -> Diagnosis:
     above = above_floor(stages[-1], floor, left)
     if above and (left or choice.rejected):
         stages = (*stages[:-1], widened(stages[-1], floor))
-    notes = [*notes_of(choice, last, study), *in_words(stages[-1])]
+    notes = [*notes_of(choice, last, stages[-1], study), *in_words(stages[-1])]
     return Diagnosis(
         study=study.name,
-        baseline=baseline(study.setup, case.base.model),
+        baseline=baseline(
+            study.setup, case.base.model, given=all(view.load is not None for view in case.views)
+        ),
         fit_trials=case.holdout.fit,
         validation_trials=case.holdout.validation,
         stages=stages,
         floor=floor,
         told=told,
-        traces=traces(bench, bench.fit([]), last),
+        traces=traces(bench, bench.plain, last),
         prismatic=all(case.base.model.prismatic),
         textbook=bench.textbook(stages[0]),
         ranges=case.setting.ranges,
+        cutoff_hz=case.views[0].report_hz,
         share_unexplained=share_unexplained(stages[0].rms, stages[-1].rms, floor),
         above_noise_floor=above,
         structure=(*left, *odd_structures(case.oddities)),
@@ -115,6 +121,7 @@ def stands(bench: Bench, named: Mapping[int, Chosen]) -> tuple[dict[int, Chosen]
             for s, part in zip(kept, fit.chosen, strict=True)
             if not possible(part.term, part.beta, part.shape)
             or negligible(part.term, part.beta, part.shape)
+            or on_its_bound(part.term, part.beta, part.shape)
             or holds_zero(part)
         ]
         if not bad:
@@ -140,7 +147,7 @@ def with_last_stage(
     if not left and not left_open:
         return stages, last
     on = [row.on for row in left] or list(stages[0].rms)
-    parts = [part for part in _curves(choice) if carries_over(part)]
+    parts = curves_beside(bench.case, [part for part in _curves(choice) if carries_over(part)], bench.taps)
     opened = [named[s] for s in left_open]
     evidence = replace(_NO_NAME, share_of_residual=min(1.0, sum(row.share for row in left)))
     fit = bench.fit([*last.chosen, *opened, *parts])
@@ -177,7 +184,8 @@ def floor_of(choice: Choice, fit: Refit, left: Sequence[Structure], study: Study
     case = choice.case
     lines_Hz = [row.peak for row in left if row.variable == "frequency" and len(row.curve)]
     seconds = sum(float(view.valid.sum()) * view.dt for view in case.views)
-    rich = saturated(case.base, choice.table.slots, round(5 * 2 * PUBLISHED_CUTOFF_HZ * seconds / PER_COLUMN))
+    independent = 2 * case.views[0].report_hz * seconds
+    rich = saturated(case.base, choice.table.slots, round(5 * independent / PER_COLUMN))
     used = {view.name for view in case.views}
     logs = [(trial.robot.tau, trial.robot.force) for trial in study.trials if trial.name in used]
     return noise_floor(case, fit, rich, lines_Hz, resolution_of(logs))
@@ -201,7 +209,7 @@ def share_unexplained(
     return float(after / max(before, 1e-300))
 
 
-def notes_of(choice: Choice, fit: Refit, study: Study) -> list[str]:
+def notes_of(choice: Choice, fit: Refit, last: Stage, study: Study) -> list[str]:
     """What a reader must know of the data that were used."""
     case = choice.case
     words = [f"{event.words}: left out of the fit" for event in choice.pushed]
@@ -210,9 +218,23 @@ def notes_of(choice: Choice, fit: Refit, study: Study) -> list[str]:
     words += [
         f"what is left resembles {label} no more than it resembles other things" for label in choice.rejected
     ]
+    words += unlike_its_model(last)
     if all(view.measured is None for view in case.views):
         words.append("no accelerometer: accelerations come from the angles, and its faults cannot be seen")
     unused = [trial.name for trial in study.of_kind("stochastic")]
     if unused:
         words.append(f"not used: {', '.join(unused)}; no effect is looked for in stochastic trials")
     return words
+
+
+def unlike_its_model(last: Stage) -> list[str]:
+    """Forces of a load that its model predicts worse than a constant would: no M, B, K describe it."""
+    bad = [
+        key for key, vaf in last.vaf.items() if vaf < 0 and key.startswith("f") and not key.startswith("fs")
+    ]
+    names = " and ".join(last.loads)
+    return [
+        f"{key}: the model of {names} predicts the held-out force worse than a constant does, so M, B and K "
+        "describe what the robot holds in the fitted part at best"
+        for key in bad
+    ]

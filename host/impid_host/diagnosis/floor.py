@@ -2,9 +2,10 @@
 
 A saturated regression (the papers' model, every effect of the catalogue at several shapes, smooth curves of
 everything) leaves noise, less the share that so many columns take by chance; that share is given back by the
-rows' leverage. Where a motion was repeated, the difference of its residuals is noise whatever the model.
-Neither can be less than resolution and data sheet say. The noise of torque and of acceleration is then
-propagated through the robot model and the virtual sensor, as the signals are.
+rows' leverage. Where a record is so short that the columns take nearly all of it, what they leave says
+nothing, and the floor is unknown. Where a motion was repeated, the difference of its residuals is noise
+whatever the model. Neither can be less than resolution and data sheet say. The noise of torque and of
+acceleration is then propagated through the robot model and the virtual sensor, as the signals are.
 """
 
 from collections.abc import Mapping, Sequence
@@ -25,6 +26,7 @@ from impid_host.diagnosis.result import Floor
 from impid_host.diagnosis.rows import Index, Key, Run, Slot, rows_of, slots_of
 from impid_host.effects.view import ANGLE, View
 from impid_host.signals.arrays import Floats, Mask
+from impid_host.signals.filters import butterworth
 
 _ROUNDS = 2
 _DRAWS = 40
@@ -32,6 +34,9 @@ _EDGE_S = 0.3  # where the narrow filter has not settled
 ADXL203_NOISE = 110e-6 * 9.80665  # m/s^2/sqrt(Hz), data sheet: at rest, it can be no less
 RATED_HZ = 1000.0  # of logs in the study format
 PER_COLUMN = 6  # independent rows for each column of the saturated regression
+# Degrees of freedom left by the columns on the held-out rows: an rms of so many is known to a factor of 1.5
+# within two standard errors (1 - 2 / sqrt(2 n) = 1 / 1.5), above which an error counts as more than noise.
+FREE = 18
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,7 +85,8 @@ def _rms(parts: Sequence[_Noise], fit: Refit, base: Base) -> dict[str, float]:
     squares: dict[str, list[Floats]] = {}
     for part in parts:
         for key, value in _propagated(part, fit, base, free=free).items():
-            squares.setdefault(key, []).append(value)
+            if np.isfinite(value).all():  # a noise that is unknown makes unknown what it enters
+                squares.setdefault(key, []).append(value)
     return {key: float(np.sqrt(np.mean(np.concatenate(own)))) for key, own in squares.items()}
 
 
@@ -112,22 +118,23 @@ def _specified(view: View, resolution: Mapping[str, Floats]) -> _Noise:
 
 
 def _noise(fit: Refit, runs: Sequence[Run], lines_Hz: Sequence[float]) -> list[_Noise]:
-    by_key: dict[Key, list[tuple[Run, Floats, Floats]]] = {}
-    trials = sorted({run.trial for run in runs})
-    width = max((int(run.used.max()) + 1 for run in runs if len(run.used)), default=0)
-    report = fit.views[0].report_hz
-    for run in runs:
-        if run.family == ANGLE:
-            continue
-        stacked = [run.target, run.base, run.columns(np.arange(width)), _hum(run, trials, lines_Hz)]
-        narrow = _narrow(np.column_stack(stacked), run.step_s, report)
-        if narrow is not None:
-            by_key.setdefault(run.key, []).append((run, narrow[0], run.begin_s + narrow[1]))
     left: dict[str, dict[Key, list[Floats]]] = {}
-    for key, own in by_key.items():
-        held = np.concatenate([np.full(len(rows), run.part == SEALED) for run, rows, _ in own])
-        series = _noise_series([rows for _, rows, _ in own], held)
-        for (run, _, place), noise in zip(own, series, strict=True):
+    trials = sorted({run.trial for run in runs})
+    report = fit.views[0].report_hz
+    for key in dict.fromkeys(run.key for run in runs if run.family != ANGLE):
+        own = [run for run in runs if run.key == key]
+        wanted = np.unique(np.concatenate([run.used for run in own]))
+        parts: list[tuple[Run, Floats, Floats]] = []
+        for run in own:
+            stacked = [run.target, run.base, run.columns(wanted), _hum(run, trials, lines_Hz)]
+            narrow = _narrow(np.column_stack(stacked), run.step_s, report)
+            if narrow is not None:
+                parts.append((run, narrow[0], run.begin_s + narrow[1]))
+        if not parts:
+            continue
+        held = np.concatenate([np.full(len(rows), run.part == SEALED) for run, rows, _ in parts])
+        series = noise_series([rows for _, rows, _ in parts], held)
+        for (run, _, place), noise in zip(parts, series, strict=True):
             if run.part == SEALED:
                 left.setdefault(run.trial, {}).setdefault(key, []).append(np.column_stack([place, noise]))
     views = {view.name: view for view in fit.views}
@@ -162,19 +169,16 @@ def _narrow(rows: Floats, step_s: float, cutoff_hz: float) -> tuple[Floats, Floa
     edge = round(_EDGE_S / step_s)
     if len(rows) < 4 * edge + 30:
         return None
-    used = np.any(rows != 0, axis=0)
-    sos = signal.butter(5, cutoff_hz, fs=1 / step_s, output="sos")
-    result = np.zeros_like(rows)
-    result[:, used] = signal.sosfiltfilt(sos, rows[:, used], axis=0)
+    result = butterworth(5, cutoff_hz, 1 / step_s).forth_and_back(rows)
     inside = slice(edge, len(rows) - edge, max(1, int(1 / (2.2 * cutoff_hz * step_s))))
     return result[inside], np.asarray(step_s * np.arange(len(rows))[inside], dtype=np.float64)
 
 
-def _noise_series(parts: Sequence[Floats], held: Mask) -> list[Floats]:
+def noise_series(parts: Sequence[Floats], held: Mask) -> list[Floats]:
     """Residuals (N,) of stretches [target | columns], scaled to the noise behind them on the `held` rows.
 
     What so many columns take of the noise by chance depends on its colour: found by sending noise of the
-    residual's own autoregression through the same regression.
+    residual's own autoregression through the same regression. NaN where they leave too little to tell.
     """
     stacked = np.concatenate(parts)
     if not stacked[:, 0].any():  # a joint without a drive logs zeros, and no noise
@@ -183,11 +187,15 @@ def _noise_series(parts: Sequence[Floats], held: Mask) -> list[Floats]:
     used = 1 + np.flatnonzero(size > 1e-12 * size.max(initial=0.0))
     U, s, _ = np.linalg.svd(stacked[:, used] / size[used - 1], full_matrices=False)
     U = U[:, s > 1e-7 * s[0]]
+    free = 1.0 - np.sum(U[held] ** 2, axis=1)
+    if np.sum(free) < max(FREE, 0.5 * len(free)):
+        # Columns that take more than they leave take slow noise whole, and its colour with it.
+        return [np.full(len(part), np.nan) for part in parts]
     residual = stacked[:, 0] - U @ (U.T @ stacked[:, 0])
     cuts = np.cumsum([len(part) for part in parts])[:-1]
     generator = np.random.default_rng(0)
     share = 1.0 - U.shape[1] / len(residual)
-    for _ in range(_ROUNDS if held.any() else 0):
+    for _ in range(_ROUNDS):
         taps = autoregression([r / np.sqrt(share) for r in np.split(residual, cuts)])
         draws = np.concatenate(
             [

@@ -9,10 +9,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import linalg, signal, special
+from scipy import linalg, special
 
 from impid_host.diagnosis.rows import Index, Key, Run, mapped
 from impid_host.signals.arrays import Floats
+from impid_host.signals.filters import FiniteResponse
 
 _HIGHEST_ORDER = 12
 BLOCK_S = 2.0
@@ -34,20 +35,39 @@ def noise_models(runs: Sequence[Run], columns: Index) -> Taps:
     taps: dict[Key, Floats] = {}
     for key in sorted({run.key for run in runs}):
         own = [run for run in runs if run.key == key]
-        design = np.concatenate([np.column_stack([run.base, run.columns(columns)]) for run in own])
+        wanted = columns[np.isin(columns, np.concatenate([run.used for run in own]))]
         target = np.concatenate([run.target for run in own])
-        size = np.linalg.norm(design, axis=0)
-        design = design[:, size > 0] / size[size > 0]
-        if not target.any():
-            # A joint without a drive: any parameters of zero fit it, and what it lacks is told by the others.
-            design, target = np.zeros((len(target), 0)), _by_all(runs, own)
-        beta = np.linalg.lstsq(design, target, rcond=1e-8)[0] if design.shape[1] else np.zeros(0)
-        residual = target - design @ beta
-        lost = min(design.shape[1], len(target) // 2)
+        # A joint without a drive: any parameters of zero fit it, and what it lacks is told by the others.
+        driven = bool(target.any())
+        target = target if driven else _by_all(runs, own)
+        residual, width = _left_by(own, wanted, target) if driven else (target, 0)
+        lost = min(width, len(target) // 2)
         inflate = np.sqrt(len(target) / max(len(target) - lost, 1))
         cuts = np.cumsum([len(run.target) for run in own])[:-1]
         taps[key] = autoregression(np.split(residual * inflate, cuts))
     return taps
+
+
+def _left_by(runs: Sequence[Run], wanted: Index, target: Floats) -> tuple[Floats, int]:
+    """What base and the wanted columns leave of the runs' target, (N,), and how many of them are not zero.
+
+    Triangle by triangle (QR), one run after another: the columns of all runs never stand side by side.
+    """
+
+    def design(run: Run) -> Floats:
+        return np.column_stack([run.base, run.columns(wanted)])
+
+    cuts = np.cumsum([len(run.target) for run in runs])[:-1]
+    triangle = np.zeros((0, runs[0].base.shape[1] + len(wanted) + 1))
+    for run, own in zip(runs, np.split(target, cuts), strict=True):
+        rows = np.concatenate([triangle, np.column_stack([design(run), own])])
+        triangle = np.asarray(np.linalg.qr(rows, mode="r"), dtype=np.float64)
+    size = np.linalg.norm(triangle[:, :-1], axis=0)
+    alive = size > 0
+    scaled = triangle[:, :-1][:, alive] / size[alive]
+    beta = np.zeros(len(size))
+    beta[alive] = np.linalg.lstsq(scaled, triangle[:, -1], rcond=1e-8)[0] / size[alive]
+    return target - np.concatenate([design(run) @ beta for run in runs]), int(alive.sum())
 
 
 def _by_all(runs: Sequence[Run], own: Sequence[Run]) -> Floats:
@@ -62,12 +82,8 @@ def _by_all(runs: Sequence[Run], own: Sequence[Run]) -> Floats:
 def whitened(runs: Sequence[Run], taps: Taps) -> list[Run]:
     """Rows turned into innovations of unit variance; each run loses as many rows as its channel has taps."""
 
-    def change(run: Run, Z: Floats) -> Floats:
-        h = taps[run.key]
-        result: Floats = signal.lfilter(h, [1.0], Z, axis=0)[len(h) - 1 :]
-        return result
-
-    return mapped(runs, change)
+    responses = {key: FiniteResponse.of(own) for key, own in taps.items()}
+    return mapped(runs, lambda run, Z: responses[run.key].apply(Z))
 
 
 def autoregression(residuals: Sequence[Floats]) -> Floats:

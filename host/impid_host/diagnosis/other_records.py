@@ -12,9 +12,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from impid_host.diagnosis.base import Base, base_of
-from impid_host.diagnosis.correct import corrected
+from impid_host.diagnosis.correct import corrected, with_true_model
 from impid_host.diagnosis.own_record import own_of_record, refitted
-from impid_host.diagnosis.prepare import HIGHEST_OF_RATE, views
+from impid_host.diagnosis.prepare import views
 from impid_host.diagnosis.proof import aligned, chain_of, channel
 from impid_host.diagnosis.result import Chosen
 from impid_host.diagnosis.reuse import carried, require_same_robot
@@ -27,6 +27,7 @@ from impid_host.impedance.identify import RobotParameters, physical_equation, ro
 from impid_host.impedance.rows import finish
 from impid_host.robot.model import robot_model
 from impid_host.signals.arrays import Floats
+from impid_host.signals.band import HIGHEST_OF_RATE
 from impid_host.study.model import Study
 
 BANDS_HZ = (4.5, 20.0, 50.0)
@@ -80,6 +81,7 @@ class Judgement:
         left_out: effects that did not go along, and why; refitted: the record's own, with their values.
         notes: trials that could not be judged; same_data: files on which the model was found.
         prismatic: torques are forces.
+        effects: of the last stage, as they went along, or were fitted anew, in each study.
     """
 
     model: str
@@ -92,6 +94,7 @@ class Judgement:
     notes: tuple[str, ...]
     same_data: tuple[str, ...]
     prismatic: bool
+    effects: tuple[Chosen, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -145,6 +148,7 @@ def judge(
         raise InputError(saved.path, "holds no stages to judge", remedy)
     sums: dict[tuple[float, str, int], _Sums] = {}
     left_out, again, notes = _Lines(), _Lines(), _Lines()
+    effects: list[Chosen] = []
     aligned_studies = []
     for study in studies:
         require_same_robot(saved, study)
@@ -160,6 +164,7 @@ def judge(
             predicted, lines, own = predict(stage, parts, saved.ranges, refit_record=refit_record)
             left_out.add(study, lines, several=len(studies) > 1)
             again.add(study, own if number == len(models) - 1 else [], several=len(studies) > 1)
+            effects += predicted.chosen if number == len(models) - 1 else ()
             for cutoff in usable:
                 for key, part in _channels(predicted, cutoff):
                     place = (cutoff, key, number)
@@ -192,6 +197,7 @@ def judge(
         notes.all,
         tuple(name for study in studies for name in same_files(saved, study)),
         all(robot_model(studies[0].setup.robot).prismatic),
+        tuple(effects),
     )
 
 
@@ -244,11 +250,7 @@ def without(parts: Sequence[View], base: Base, value: Floats, chosen: Sequence[C
     """The views with the model at `value` in them and the effects taken out of what was measured."""
     current = [base.informed(view, value) for view in parts]
     for _ in range(_ROUNDS if any(part.term.by_model for part in chosen) else 1):
-        true = [base.informed(corrected(view, chosen), value) for view in current]
-        current = [
-            replace(view, torque_model=t.torque_model, x0=t.x0, K=t.K)
-            for view, t in zip(current, true, strict=True)
-        ]
+        current = [with_true_model(view, chosen, base, value) for view in current]
     return [corrected(view, chosen) for view in current]
 
 

@@ -75,7 +75,8 @@ def given_robot(base: Base, prior: Sequence[float] | None) -> RobotParameters:
     if prior is None or len(prior) != size:
         told = "" if prior is None else f" ([prior] has {len(prior)})"
         raise UndeterminedError(
-            f"no free trial, no force sensor and no [prior] alpha of {size} values in setup.toml{told}, "
-            "so the robot is unknown; record a free trial"
+            f"no free trial, no force sensor and no [prior] alpha of {size} values "
+            f"({', '.join(structure.parameter_names)}) in setup.toml{told}, so the robot is unknown; "
+            "record a free trial"
         )
     return RobotParameters(structure, np.array(prior), none, "prior")

@@ -4,14 +4,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-from scipy import stats
 
 from impid_host.diagnosis.result import Chosen, Number, Reported, as_array
 from impid_host.effects.catalogue import CATALOGUE
 from impid_host.effects.effect import Plain
 from impid_host.signals.arrays import Floats
-
-_NORMAL = float(stats.norm.ppf(0.975))
+from impid_host.signals.quantiles import NORMAL_975
 
 
 def fits_shape(part: Chosen) -> bool:
@@ -93,7 +91,7 @@ def _flat(part: Chosen, beta: Floats, shape: float) -> dict[tuple[str, str], Pla
 
 def _number(value: Floats, slope: Floats, covariance: Floats, unit: str) -> Number:
     variance = np.einsum("...i,ij,...j->...", slope, covariance, slope)
-    half = _NORMAL * np.sqrt(np.maximum(variance, 0))
+    half = NORMAL_975 * np.sqrt(np.maximum(variance, 0))
     return Number(value, np.stack([value - half, value + half], axis=-1), unit)
 
 
@@ -124,14 +122,9 @@ def _stacked(numbers: Sequence[Number]) -> Number:
 
 def holds_zero(part: Chosen) -> bool:
     """Whether an amplitude's interval holds zero, so that the effect may as well not be there."""
-    rows = {row.name: row for row in CATALOGUE[part.term.effect].parameters}
-    for name, number in parameters_of(part).items():
-        amplitude = name in rows and rows[name].amplitude
-        for own in [number] if isinstance(number, Number) else number.values():
-            if (
-                amplitude
-                and isinstance(number, Number)
-                and np.any((own.ci95[..., 0] < 0) & (own.ci95[..., 1] > 0))
-            ):
-                return True
-    return False
+    amplitudes = {row.name for row in CATALOGUE[part.term.effect].parameters if row.amplitude}
+    return any(
+        np.any((own.ci95[..., 0] < 0) & (own.ci95[..., 1] > 0))
+        for name, own in parameters_of(part).items()
+        if name in amplitudes and isinstance(own, Number)
+    )

@@ -5,49 +5,56 @@ from dataclasses import replace
 
 import numpy as np
 
-from impid_host.diagnosis.band import WIDEST_HZ, band_hz, quick_band_hz
+from impid_host.diagnosis.band import band_hz, quick_band_hz
 from impid_host.diagnosis.base import Base
 from impid_host.diagnosis.holdout import hold_out
 from impid_host.diagnosis.oddities import Oddity, odd_rows
 from impid_host.effects.effect import Setting
 from impid_host.effects.view import View, rate_of, rotated
 from impid_host.errors import UndeterminedError
+from impid_host.impedance.campaign import default_chain
 from impid_host.robot.model import RobotModel
 from impid_host.signals.align import base_frame_force, raw_signals, robot_rows, sensor_angle
 from impid_host.signals.arrays import Floats, Mask
-from impid_host.signals.chain import PUBLISHED_CUTOFF_HZ
+from impid_host.signals.band import HIGHEST_OF_RATE
 from impid_host.signals.filters import ZeroPhaseLowPass
 from impid_host.study.model import Setup, Study, Trial
 
 VIEW_RATE_HZ = 250.0
 _OPEN_S = 0.1
-HIGHEST_OF_RATE = 0.4  # of the slower log: above, it says nothing
 _WIDE = ZeroPhaseLowPass(order=4, cutoff_hz=60.0)
 
 
-def views(study: Study, model: RobotModel) -> tuple[list[View], list[Oddity]]:
+def views(study: Study, model: RobotModel, cutoff_hz: float | None = None) -> tuple[list[View], list[Oddity]]:
     """The study's free and loaded trials as views, the present model not yet in them; and what was left out.
 
+    Args:
+        cutoff_hz: of the band that is reported; None: as `fit` has it by default, by the motion.
+
     Raises:
-        UndeterminedError: no such trial, or clocks that cannot be matched.
+        UndeterminedError: no such trial, clocks that cannot be matched, or a band beyond what the logs show.
     """
     trials = study.of_kind("free", "mass-spring", "arm")
     if not trials:
         raise UndeterminedError(
             f"study {study.name}: no free, mass-spring or arm trial, so there is nothing to diagnose"
         )
+    report = default_chain(study).cutoff_hz if cutoff_hz is None else cutoff_hz
     result, oddities = [], []
     for trial in trials:
         bad, found = odd_rows(trial.name, robot_rows(trial.robot))
-        result.append(view_of(trial, study.setup, model, bad))
+        result.append(replace(view_of(trial, study.setup, model, bad), report_hz=report))
         oddities += found
+    shown = min(HIGHEST_OF_RATE * min(view.meeting_hz, view.rate_hz) for view in result)
+    if cutoff_hz is not None and cutoff_hz > shown:
+        raise UndeterminedError(f"the logs show nothing above {shown:.3g} Hz; give a lower --cutoff")
     holdout = hold_out(result)
-    cutoff = min(band_hz(result, holdout), *(HIGHEST_OF_RATE * view.meeting_hz for view in result))
     if model.task_is_rotary:
         cutoff = quick_band_hz(result, holdout)
-        report = max(PUBLISHED_CUTOFF_HZ, cutoff if cutoff > WIDEST_HZ else 0.0)
-        return [replace(view, cutoff_hz=cutoff, report_hz=report) for view in result], oddities
-    return [replace(view, cutoff_hz=cutoff) for view in result], oddities
+    else:
+        cutoff = min(band_hz(result, holdout), *(HIGHEST_OF_RATE * view.meeting_hz for view in result))
+    # Names that are chosen in a narrower band than they are judged in would be judged on what they never saw.
+    return [replace(view, cutoff_hz=max(cutoff, report)) for view in result], oddities
 
 
 def view_of(trial: Trial, setup: Setup, model: RobotModel, bad: Mask) -> View:
@@ -146,6 +153,7 @@ def setting_of(parts: Sequence[View], base: Base, *, referenced: bool) -> Settin
         force_sensor=any(view.force is not None for view in loaded),
         referenced=referenced,
         duration_s=max(float(view.t[-1]) for view in parts),
+        held=frozenset(term.name for term in base.structure.terms),
     )
 
 

@@ -5,7 +5,6 @@ what the papers' model gives, and every later stage is the same with corrected s
 """
 
 from collections.abc import Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -15,7 +14,8 @@ from impid_host.diagnosis.base import Base
 from impid_host.diagnosis.correct import corrected
 from impid_host.diagnosis.holdout import FIT, SEALED, Holdout, settled
 from impid_host.diagnosis.own_robot import estimate_robot, given_robot, shows_robot
-from impid_host.diagnosis.parameters import at, parameters_of, vector_of
+from impid_host.diagnosis.parameters import parameters_of
+from impid_host.diagnosis.propagate import moved_fits
 from impid_host.diagnosis.result import Chosen, Number
 from impid_host.effects.catalogue import CATALOGUE
 from impid_host.effects.encoder import resynchronised
@@ -27,7 +27,7 @@ from impid_host.impedance.matrices import load_matrices
 from impid_host.impedance.rows import SERIES_RATE_HZ, Equation, series, stretches
 from impid_host.signals.align import AlignedTrial, base_frame_acceleration, joint_acceleration
 from impid_host.signals.arrays import Floats
-from impid_host.signals.chain import DEFAULT, PUBLISHED_CUTOFF_HZ, Chain
+from impid_host.signals.chain import DEFAULT, Chain
 
 Numbers = tuple[
     Number,
@@ -50,7 +50,7 @@ def in_time(view: View, chosen: Sequence[Chosen]) -> View:
 
 def chain_of(view: View) -> Chain:
     """The chain of `fit`, in the band that this study is reported in."""
-    return DEFAULT if view.report_hz == PUBLISHED_CUTOFF_HZ else DEFAULT.with_cutoff(view.report_hz)
+    return DEFAULT.with_cutoff(view.report_hz)
 
 
 def aligned(view: View) -> AlignedTrial:
@@ -107,11 +107,13 @@ def report(
     *,
     handle_mass_kg: float,
     prior: Sequence[float] | None,
+    spread: Mapping[str, float],
     covariance: Floats | None = None,
 ) -> Numbers:
     """alpha, loads, validation rms and VAF, names of alpha, and values of the loads, effects taken out.
 
     Args:
+        spread: variance of each channel as it was measured (see `spreads`), the same measure for every stage.
         covariance: (k, k) of all effects' parameters, for the intervals of alpha and the loads; None: known
             exactly.
 
@@ -122,13 +124,8 @@ def report(
     if covariance is not None and len(covariance):
         fit = _widened(fit, views, chosen, covariance, base, holdout, prior)
     errors = _errors(fit, base, holdout)
-    # The same measure for every stage: how much the signals vary as they were measured.
-    measured = _errors(fitted(views, [], base, holdout, prior), base, holdout) if chosen else errors
     rms = {key: error.rms for key, error in errors.items()}
-    vaf = {
-        key: float(100 * (1 - error.variance / max(measured[key].spread, 1e-300)))
-        for key, error in errors.items()
-    }
+    vaf = {key: _vaf(error.variance, spread[key]) for key, error in errors.items()}
     loads = {
         name: total(load, name, _load_numbers(load, fit.loads[name], handle_mass_kg), chosen)
         for name, load in base.loads
@@ -136,6 +133,14 @@ def report(
     names = base.structure.parameter_names if fit.alpha is None else fit.alpha.names
     values = {name: estimate.value for name, estimate in fit.loads.items()}
     return _alpha_number(fit), loads, rms, vaf, names, values
+
+
+def spreads(
+    views: Sequence[View], base: Base, holdout: Holdout, prior: Sequence[float] | None
+) -> dict[str, float]:
+    """How much each reported channel varies on held-out data as it was measured, no effect taken out."""
+    errors = _errors(fitted(views, [], base, holdout, prior), base, holdout)
+    return {key: error.spread for key, error in errors.items()}
 
 
 @dataclass(frozen=True, slots=True)
@@ -171,6 +176,13 @@ def _errors(fit: StageFit, base: Base, holdout: Holdout) -> dict[str, _Error]:
             key = channel(start, letter, has_torque=has_torque)
             result[key] = _error(residual[:, axis], float(spread[axis]))
     return result
+
+
+def _vaf(left: float, spread: float) -> float:
+    """[D] eq. 8, %; a joint without a drive logs zeros, of which nothing can be accounted for."""
+    if spread <= 0.0:
+        return 0.0 if left > 0.0 else 100.0
+    return float(100 * (1 - left / spread))
 
 
 def _error(residual: Floats, spread: float) -> _Error:
@@ -228,11 +240,15 @@ def fitted(
     """
     chain = chain_of(views[0])
     chain = chain if ar_order is None else replace(chain, ar_order=ar_order)
-    pairs = [(view, aligned(in_time(corrected(view, chosen), chosen))) for view in views]
+    cleaned = [in_time(corrected(view, chosen), chosen) for view in views]
+    pairs = [(view, aligned(clean)) for view, clean in zip(views, cleaned, strict=True)]
     structure = base.structure
+    # Effects of the geometry change the robot itself: its regressor and its Jacobian, trial by trial.
+    robots = {clean.name: replace(structure, model=clean.model) for clean in cleaned}
     known = prior is not None and all(view.load is not None for view in views)
-    shown = [] if known else shows_robot(pairs)
-    own = [(view, robot_equation(trial, structure, chain)) for view, trial in shown]
+    shown = [] if known else shows_robot(list(zip(cleaned, (trial for _, trial in pairs), strict=True)))
+    logged = {view.name: view for view in views}
+    own = [(logged[clean.name], robot_equation(trial, robots[clean.name], chain)) for clean, trial in shown]
     alpha = None
     if own:
         alpha = estimate_robot(_rows(own, holdout, chain), structure, chain)
@@ -248,12 +264,17 @@ def fitted(
     physical: dict[str, list[tuple[View, Equation]]] = {}
     for name, load in base.loads:
         members = [(view, trial) for view, trial in pairs if view.load == name]
-        virtual[name] = [(view, virtual_equation(trial, robot, load, chain)) for view, trial in members]
+        virtual[name] = [
+            (view, virtual_equation(trial, replace(robot, structure=robots[view.name]), load, chain))
+            for view, trial in members
+        ]
         loads[name] = _estimate(
             virtual[name], holdout, load.parameter_names, load.parameter_units, chain, robot.covariance
         )
         if all(trial.force is not None for _, trial in members):
-            physical[name] = [(view, physical_equation(trial, load, chain)) for view, trial in members]
+            physical[name] = [
+                (view, physical_equation(own.trial, load, chain, own.design)) for view, own in virtual[name]
+            ]
     return StageFit(alpha, robot, loads, free, virtual, physical)
 
 
@@ -268,28 +289,18 @@ def _widened(
 ) -> StageFit:
     """The fit, with the effects' uncertainty propagated into its covariances.
 
-    What is left of the effects' errors is orthogonal to the errors at known effects (partitioned least
-    squares), so the two covariances add. Slopes by ordinary least squares, whose weights do not move.
+    Slopes by ordinary least squares, whose weights do not move.
     """
-    vector, sd = vector_of(chosen), np.sqrt(np.maximum(np.diag(covariance), 0.0))
-    size = np.maximum(sd, np.maximum(1e-9 * np.abs(vector), 1e-15))
 
     def plainly(present: Sequence[Chosen]) -> StageFit:
         return fitted(views, present, base, holdout, prior, ar_order=0)
 
-    with ThreadPoolExecutor(2) as pool:
-        steps = [at(chosen, vector + size[k] * np.eye(len(vector))[k]) for k in range(len(vector))]
-        center, *moved = pool.map(plainly, [chosen, *steps])
-
-    def wider(own: Estimate, here: Estimate, others: Sequence[Estimate]) -> Estimate:
-        slope = np.stack([(o.value - here.value) / s for o, s in zip(others, size, strict=True)], axis=1)
-        return replace(own, covariance=own.covariance + slope @ covariance @ slope.T)
-
+    steps, here, moved = moved_fits(chosen, covariance, plainly)
     alpha = None
-    if fit.alpha is not None and center.alpha is not None:
-        alpha = wider(fit.alpha, center.alpha, [other.alpha for other in moved if other.alpha is not None])
+    if fit.alpha is not None and here.alpha is not None:
+        alpha = steps.wider(fit.alpha, here.alpha, [o.alpha for o in moved if o.alpha is not None])
     loads = {
-        name: wider(own, center.loads[name], [other.loads[name] for other in moved])
+        name: steps.wider(own, here.loads[name], [other.loads[name] for other in moved])
         for name, own in fit.loads.items()
     }
     return replace(fit, alpha=alpha, loads=loads)

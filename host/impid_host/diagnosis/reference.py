@@ -62,8 +62,9 @@ def _payload_rows(
 
 def _prior_rows(base: Base, prior: Sequence[float]) -> list[tuple[int, float, float]]:
     units = base.model.parameter_units
-    if len(prior) != len(units):
+    if len(prior) not in (len(units), len(base.structure.parameter_names)):
         return []
+    prior = prior[: len(units)]  # offsets are the record's own, and dry friction is no reference for anything
     inertial = np.array([not unit.startswith("N") for unit in units])
     sizes = _main_sizes(np.array(prior), units)
     sd = np.where(inertial, _EXACT, _WARM) * sizes

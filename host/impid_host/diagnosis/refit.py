@@ -9,10 +9,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy import stats
 
 from impid_host.diagnosis.case import Case
-from impid_host.diagnosis.correct import corrected
+from impid_host.diagnosis.correct import corrected, with_true_model
 from impid_host.diagnosis.noise import BLOCK_S, Taps, whitened
 from impid_host.diagnosis.parameters import at, count_of, fits_shape, parted, vector_of
 from impid_host.diagnosis.result import Chosen
@@ -21,6 +20,7 @@ from impid_host.effects.bounds import possible
 from impid_host.effects.effect import Term
 from impid_host.effects.view import Columns, View
 from impid_host.signals.arrays import Floats
+from impid_host.signals.quantiles import NORMAL_975, student_975
 
 _ROUNDS = 5
 _SETTLED = 0.05  # of a standard deviation
@@ -39,8 +39,7 @@ class Refit:
         covariance: (k, k) of all effects' parameters in order, see parameters.vector_of.
         base: value of the robot's and the loads' parameters, (b,).
         deviance: -2 log likelihood with each channel's noise level its own, in the units of the logs as
-        they were
-            measured, up to a constant.
+            they were measured, up to a constant.
     """
 
     views: tuple[View, ...]
@@ -106,8 +105,7 @@ def _deviance(
     """-2 log likelihood of what was measured, each channel's noise level its own, up to a constant.
 
     Effects are put into the prediction here, not taken out of the signals: undoing a lag or a gain would
-    change the
-    noise with the signal.
+    change the noise with the signal.
     """
     squares: dict[Key, list[Floats]] = {}
     for view in views:
@@ -145,15 +143,7 @@ def _left_as_measured(case: Case, view: View, chosen: Sequence[Chosen], value: F
 
 
 def _informed(case: Case, views: Sequence[View], chosen: Sequence[Chosen], value: Floats) -> tuple[View, ...]:
-    """The views with the model at `value`: of the motion as it truly was, the effects taken out of it."""
-    result = []
-    for view in views:
-        true = case.base.informed(corrected(view, chosen), value)
-        own = case.base.informed(view, value)
-        # Torque and response are those of the true motion; what the log holds of the effects is not the
-        # model's.
-        result.append(replace(own, torque_model=true.torque_model, x0=true.x0, K=true.K))
-    return tuple(result)
+    return tuple(with_true_model(view, chosen, case.base, value) for view in views)
 
 
 def _possible(chosen: Sequence[Chosen]) -> bool:
@@ -243,7 +233,7 @@ def _solved(rows: _Rows) -> tuple[Floats, Floats, Floats]:
     np.add.at(scores, number, (J / size) * left[:, None])
     blocks = len(scores)
     robust = bread @ (scores.T @ scores) @ bread * blocks / max(blocks - 1, 1)
-    robust = robust * (stats.t.ppf(0.975, max(blocks - 1, 2)) / stats.norm.ppf(0.975)) ** 2
+    robust = robust * (student_975(max(blocks - 1, 2)) / NORMAL_975) ** 2
     ratio = np.diag(robust) / np.maximum(np.diag(plain), 1e-300)
     raised = np.sqrt(np.maximum(ratio, 1.0))
     covariance = plain * np.outer(raised, raised) / np.outer(size, size)

@@ -7,6 +7,7 @@ import numpy as np
 
 from impid_host.effects.effect import UNATTRIBUTED, Carries, Plain, Ranges, Term
 from impid_host.signals.arrays import Floats, Mask
+from impid_host.signals.chain import PUBLISHED_CUTOFF_HZ
 
 __all__ = ["UNATTRIBUTED"]
 
@@ -212,7 +213,7 @@ class Diagnosis:
         above_noise_floor: None where no floor is known.
         notes: what a reader must know: no accelerometer, trials left out.
         traces: residuals, to look at; prismatic: torques are forces, angles are places.
-        ranges: how far and fast the motion went.
+        ranges: how far and fast the motion went; cutoff_hz: of the band in which errors are told.
         textbook: the textbook's model on the same data; None where they do not determine it.
     """
 
@@ -233,6 +234,7 @@ class Diagnosis:
     prismatic: bool = False
     textbook: Stage | None = None
     ranges: Ranges | None = None
+    cutoff_hz: float = PUBLISHED_CUTOFF_HZ
 
 
 def as_array(value: Plain) -> Floats:

@@ -1,17 +1,19 @@
 """A model found on one study, used on another: its effects taken out of the signals in which they act."""
 
-from collections.abc import Collection, Container, Iterable, Sequence
+from collections.abc import Callable, Collection, Container, Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from impid_host.diagnosis.base import Base, base_of, structure_of
 from impid_host.diagnosis.case import informed
 from impid_host.diagnosis.correct import corrected
 from impid_host.diagnosis.holdout import Holdout
-from impid_host.diagnosis.parameters import at, count_of, vector_of
+from impid_host.diagnosis.parameters import count_of
 from impid_host.diagnosis.prepare import setting_of, views
 from impid_host.diagnosis.proof import aligned
+from impid_host.diagnosis.propagate import moved_fits
 from impid_host.diagnosis.result import Chosen
 from impid_host.diagnosis.saved import SavedModel, same_files
 from impid_host.diagnosis.saved_parts import SavedEffect
@@ -67,9 +69,18 @@ class Provenance:
         return [f"{self.file} was found on these very data ({files}): errors on them say nothing of new data"]
 
 
+@dataclass(frozen=True, slots=True)
+class Reused:
+    """A fit with a saved model's effects taken out: the fit, those effects, where they came from."""
+
+    fit: StudyFit
+    effects: tuple[Chosen, ...]
+    provenance: Provenance
+
+
 def fit_with_model(
     study: Study, saved: SavedModel, options: Options, progress: Progress, *, keep_robot: bool = False
-) -> tuple[StudyFit, Provenance]:
+) -> Reused:
     """The study's fit with the saved effects taken out; intervals hold the effects' uncertainty.
 
     Args:
@@ -85,7 +96,7 @@ def fit_with_model(
         # The robot as the saved model describes it: dry friction of a textbook's robot is part of it.
         options = replace(options, terms=tuple(term.name for term in saved.structure.of(model).terms))
     progress("aligning")
-    parts, _ = views(study, model)
+    parts, _ = views(study, model, options.chain.cutoff_hz)
     if options.acceleration == "angles":
         parts = [replace(view, measured=None, predicted=None) for view in parts]
     base = base_of(parts, structure_of(study.setup, model), prior=True)
@@ -106,9 +117,9 @@ def fit_with_model(
     progress("propagating the effects' uncertainty")
     result = _widened(plain, chosen, fitted)
     labels = tuple(dict.fromkeys(part.term.label for part in chosen))
-    return result, Provenance(
-        saved.path.name, saved.study, saved.made_by, labels, tuple(left_out), origin, same_files(saved, study)
-    )
+    same = same_files(saved, study)
+    told = Provenance(saved.path.name, saved.study, saved.made_by, labels, tuple(left_out), origin, same)
+    return Reused(result, tuple(chosen), told)
 
 
 def require_same_robot(saved: SavedModel, study: Study) -> None:
@@ -242,32 +253,19 @@ def _saved_robot(saved: SavedModel, names: Sequence[str]) -> tuple[Floats, Float
     return saved.alpha, saved.covariance
 
 
-def _widened(plain: StudyFit, chosen: Sequence[Chosen], fitted: object) -> StudyFit:
+def _widened(
+    plain: StudyFit, chosen: Sequence[Chosen], fitted: Callable[[Sequence[Chosen]], StudyFit]
+) -> StudyFit:
     """Robot and loads with the effects' covariance, taken through the fit by finite differences."""
-    vector = vector_of(chosen)
-    if len(vector) == 0:
+    if not chosen:
         return plain
-    covariance = np.zeros((len(vector), len(vector)))
-    first = 0
-    for part in chosen:
-        own = slice(first, first + count_of(part))
-        size = min(count_of(part), len(part.covariance))
-        covariance[own, own][:size, :size] = part.covariance[:size, :size]
-        first += count_of(part)
-    sd = np.sqrt(np.maximum(np.diag(covariance), 0.0))
-    steps = np.maximum(sd, np.maximum(1e-9 * np.abs(vector), 1e-15))
-    others = [
-        fitted(at(chosen, vector + step * row))  # type: ignore[operator]
-        for step, row in zip(steps, np.eye(len(vector)), strict=True)
-    ]
-
-    def wider(own: Estimate, moved: Sequence[Estimate]) -> Estimate:
-        slope = np.stack([(m.value - own.value) / step for m, step in zip(moved, steps, strict=True)], axis=1)
-        return replace(own, covariance=own.covariance + slope @ covariance @ slope.T)
+    covariance = block_diag(*[_padded(part) for part in chosen])
+    steps, _, others = moved_fits(chosen, covariance, fitted, workers=1)
 
     robot = plain.robot
-    if isinstance(robot, RobotFit) and all(isinstance(other.robot, RobotFit) for other in others):
-        estimate = wider(robot.estimate, [other.robot.estimate for other in others])
+    moved = [other.robot.estimate for other in others if isinstance(other.robot, RobotFit)]
+    if isinstance(robot, RobotFit) and len(moved) == len(others):
+        estimate = steps.wider(robot.estimate, robot.estimate, moved)
         if len(estimate.value) == len(robot.parameters.value):
             robot = replace(
                 robot,
@@ -275,10 +273,21 @@ def _widened(plain: StudyFit, chosen: Sequence[Chosen], fitted: object) -> Study
                 parameters=replace(robot.parameters, covariance=estimate.covariance),
             )
     loads = tuple(
-        _with_estimate(fit, wider(fit.estimate, [other.loads[k].estimate for other in others]), plain)
+        _with_estimate(
+            fit, steps.wider(fit.estimate, fit.estimate, [o.loads[k].estimate for o in others]), plain
+        )
         for k, fit in enumerate(plain.loads)
     )
     return replace(plain, robot=robot, loads=loads)
+
+
+def _padded(part: Chosen) -> Floats:
+    """The covariance of all parameters that are moved, zeros of those that were saved without."""
+    count = count_of(part)
+    result = np.zeros((count, count))
+    known = min(count, len(part.covariance))
+    result[:known, :known] = part.covariance[:known, :known]
+    return result
 
 
 def _with_estimate(fit: LoadFit, estimate: Estimate, plain: StudyFit) -> LoadFit:

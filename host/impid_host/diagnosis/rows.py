@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,9 +10,10 @@ from scipy import signal
 
 from impid_host.diagnosis.base import Base, targets
 from impid_host.diagnosis.holdout import FIT, Holdout, settled
-from impid_host.effects.effect import Term
+from impid_host.effects.effect import Each, Term
 from impid_host.effects.view import ANGLE, FAMILIES, Columns, View
 from impid_host.signals.arrays import Floats, Mask
+from impid_host.signals.filters import FiniteResponse
 
 _EDGE_S = 0.5
 REFERENCE = "reference"
@@ -39,8 +41,8 @@ class Run:
         begin_s: time of the first row; step_s: between rows.
         target: (N,); base: columns of the base model, (N, p).
         used: which columns of the terms are not zero here, (k,), rising; design: those, (N, k), in single
-        precision:
-            a column is never told from another by its seventh digit.
+            precision: a column is never told from another by its seventh digit.
+        further: the same of columns behind those, which came later.
     """
 
     trial: str
@@ -53,6 +55,7 @@ class Run:
     base: Floats
     used: Index
     design: NDArray[np.float32]
+    further: tuple[tuple[Index, NDArray[np.float32]], ...] = ()
 
     @property
     def key(self) -> Key:
@@ -67,11 +70,28 @@ class Run:
     def columns(self, wanted: Index) -> Floats:
         """The wanted columns of all terms, zeros where they are none here, (N, len(wanted))."""
         result = np.zeros((len(self.target), len(wanted)))
-        if len(self.used):
-            place = np.minimum(np.searchsorted(self.used, wanted), len(self.used) - 1)
-            there = self.used[place] == wanted
-            result[:, there] = self.design[:, place[there]]
+        for used, design in self.parts:
+            there, place = _places(used, wanted)
+            if there.any():
+                result[:, there] = design[:, place[there]]
         return result
+
+    @property
+    def parts(self) -> tuple[tuple[Index, NDArray[np.float32]], ...]:
+        """Numbers and values of all columns that are not zero here."""
+        return ((self.used, self.design), *self.further)
+
+    def has(self, wanted: Index) -> bool:
+        """Whether any of the wanted columns is not zero here."""
+        return any(bool(_places(used, wanted)[0].any()) for used, _ in self.parts)
+
+
+def _places(used: Index, wanted: Index) -> tuple[Mask, Index]:
+    """Which of the wanted numbers are among the rising `used`, and where."""
+    if len(used) == 0:
+        return np.zeros(len(wanted), dtype=bool), np.zeros(len(wanted), dtype=np.intp)
+    place = np.minimum(np.searchsorted(used, wanted), len(used) - 1)
+    return used[place] == wanted, place
 
 
 def slots_of(terms: Iterable[Term], first: int = 0) -> list[Slot]:
@@ -84,35 +104,47 @@ def slots_of(terms: Iterable[Term], first: int = 0) -> list[Slot]:
     return result
 
 
+_PROBE = 97  # a column is looked at in so many places before it is read as a whole
+
+
 @dataclass(frozen=True, slots=True)
 class Decimator:
     """A symmetric FIR low-pass (Kaiser window, 60 dB) at every `step`-th instant."""
 
     step: int
-    taps: Floats
+    low_pass: FiniteResponse
 
     def __call__(self, values: Floats) -> Floats:
         """(N, ...) -> (ceil(N / step), ...)."""
         if self.step == 1:
             return values
         plain = values.reshape(len(values), -1)
-        count = -(-len(values) // self.step)
-        late = len(self.taps) // 2 // self.step
-        used = np.flatnonzero(plain.any(axis=0))  # most columns act in one channel of several
-        low = np.zeros((count, plain.shape[1]))
+        used = _alive(plain)  # most columns act in one channel of several
+        low = np.zeros((-(-len(values) // self.step), plain.shape[1]))
         if len(used):
-            columns = np.ascontiguousarray(plain[:, used].T)
-            low[:, used] = signal.upfirdn(self.taps, columns, 1, self.step, axis=1)[:, late : late + count].T
+            some = plain if len(used) == plain.shape[1] else plain[:, used]
+            low[:, used] = self.low_pass.apply(some, len(self.low_pass.taps) // 2)
         return low.reshape(-1, *values.shape[1:])
+
+
+def _alive(plain: Floats) -> Index:
+    """Numbers of the columns of (N, c) that are not zero."""
+    alive = np.asarray(plain[::_PROBE].any(axis=0))
+    if not alive.all():
+        alive[~alive] = plain[:, ~alive].any(axis=0)
+    return np.flatnonzero(alive)
 
 
 def decimator(view: View) -> Decimator:
     """Down to about 2.2 rows per cycle of the band's end."""
-    step = max(1, int(view.rate_hz / (2.2 * view.cutoff_hz)))
-    half = 6 * step
-    return Decimator(
-        step, signal.firwin(2 * half + 1, view.cutoff_hz, fs=view.rate_hz, window=("kaiser", 6.0))
-    )
+    return _decimator(view.rate_hz, view.cutoff_hz)
+
+
+@lru_cache(maxsize=16)
+def _decimator(rate_hz: float, cutoff_hz: float) -> Decimator:
+    step = max(1, int(rate_hz / (2.2 * cutoff_hz)))
+    taps = signal.firwin(2 * 6 * step + 1, cutoff_hz, fs=rate_hz, window=("kaiser", 6.0))
+    return Decimator(step, FiniteResponse.of(taps, step))
 
 
 def rows_of(
@@ -130,7 +162,8 @@ def rows_of(
     measured = targets(view)
     by_family = {} if base is None else {family: lower(block) for family, block in base.columns(view).items()}
     size = 0 if base is None else base.size
-    columns = _low_columns(view, slots, measured, lower)
+    # What is remembered of a motion is dropped with its rows.
+    columns = _low_columns(replace(view, memo={}), slots, measured, lower)
     runs = []
     count = -(-len(view.t) // lower.step)
     for family in FAMILIES:
@@ -162,13 +195,19 @@ def _low_columns(
     for slot in slots:
         if not slot.term.acts_in(view):
             continue
-        # The same effect in some trials only has the same columns.
-        key = (id(slot.term.columns), slot.shape)
+        columns, first = slot.term.columns, slot.columns.start
+        if isinstance(columns, Each):
+            own = columns.first(view)
+            if own is None:
+                continue
+            columns, first = columns.inner, first + own
+        # The same effect in some trials only, or with a value for each, has the same columns.
+        key = (id(columns), slot.shape)
         if key not in shared:
-            found = slot.term.columns(view, slot.shape)
+            found = columns(view, slot.shape)
             shared[key] = {family: lower(block) for family, block in found.items() if family in measured}
         for family, block in shared[key].items():
-            result.setdefault(family, []).append((slot.columns.start, block))
+            result.setdefault(family, []).append((first, block))
     return result
 
 
@@ -241,8 +280,8 @@ def mapped(runs: Sequence[Run], change: Callable[[Run, Floats], Floats]) -> list
                 replace(
                     run,
                     begin_s=begin,
-                    target=Z[:, 0],
-                    base=Z[:, 1 : 1 + p],
+                    target=Z[:, 0].copy(),  # not a view: that would keep all of Z
+                    base=Z[:, 1 : 1 + p].copy(),
                     design=Z[:, 1 + p :].astype(np.float32),
                 )
             )

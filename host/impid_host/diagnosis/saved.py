@@ -2,7 +2,7 @@
 
 import hashlib
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -11,10 +11,11 @@ import numpy as np
 from pydantic import Field
 
 from impid_host import __version__
-from impid_host.diagnosis.base import structure_of, textbook_structure
+from impid_host.diagnosis.base import structure_named, textbook_structure
 from impid_host.diagnosis.result import Diagnosis, Number
 from impid_host.diagnosis.saved_parts import (
     EffectTable,
+    NumberTable,
     RangesTable,
     SavedEffect,
     SavedStage,
@@ -33,6 +34,7 @@ from impid_host.impedance.identify import LoadFit, RobotFit
 from impid_host.robot.model import robot_model
 from impid_host.robot.terms import RobotStructure
 from impid_host.signals.arrays import Floats
+from impid_host.signals.quantiles import NORMAL_975
 from impid_host.study.model import Study
 from impid_host.study.toml_file import Table, validate
 
@@ -48,7 +50,7 @@ class SavedModel:
         study: on which it was found; data_sha256: hashes of that study's files, by path within it.
         robot: the model's name; link_lengths_m, gravity_m_s2: of setup.toml.
         alpha: (p,); covariance: (p, p).
-        loads: names of the loads.
+        loads: M, B, K and x0 of each load, as far as its model has them.
         structure: what alpha is multiplied with.
         ranges: of the motion on which the effects were found; None where there are none.
         stages: the first model and one effect more at each; textbook: that model on the same data, or None.
@@ -64,7 +66,7 @@ class SavedModel:
     names: tuple[str, ...]
     alpha: Floats
     covariance: Floats
-    loads: tuple[str, ...]
+    loads: Mapping[str, Mapping[str, Number]]
     effects: tuple[SavedEffect, ...]
     structure: SavedStructure
     stages: tuple[SavedStage, ...]
@@ -83,7 +85,7 @@ def model_json(diagnosis: Diagnosis, study: Study) -> Json:
         if stage.added is not None
     ]
     model = robot_model(study.setup.robot)
-    structure, textbook = structure_of(study.setup, model), diagnosis.textbook
+    structure, textbook = structure_named(diagnosis.baseline, model), diagnosis.textbook
     # Where the robot is given, the first model stands for the textbook's too.
     given = textbook is not None and len(textbook.alpha.value) == len(structure.parameter_names)
     plain = structure if given else textbook_structure(model)
@@ -119,7 +121,7 @@ def fit_json(fit: StudyFit, study: Study, textbook: StudyFit | None) -> Json:
         **_head(study, [trial.name for trial in fit.trials]),
         "robot": {
             **_robot(study, structure, structure.parameter_names, robot.value),
-            "ci95": np.stack([robot.value - _NORMAL * sd, robot.value + _NORMAL * sd], axis=1).tolist(),
+            "ci95": np.stack([robot.value - NORMAL_975 * sd, robot.value + NORMAL_975 * sd], axis=1).tolist(),
             "covariance": robot.covariance.tolist(),
         },
         "loads": numbers,
@@ -128,9 +130,6 @@ def fit_json(fit: StudyFit, study: Study, textbook: StudyFit | None) -> Json:
         "textbook": plain,
         "ranges": None,
     }
-
-
-_NORMAL = 1.959964
 
 
 def _values(fit: StudyFit) -> Json:
@@ -215,7 +214,7 @@ class _ModelFile(Table):
     fitted_on: list[str] = Field(default_factory=list)
     data_sha256: dict[str, str] = Field(default_factory=dict)
     robot: _Robot
-    loads: dict[str, Any] = Field(default_factory=dict)
+    loads: dict[str, dict[str, NumberTable]] = Field(default_factory=dict)
     effects: list[EffectTable]
     stages: list[StageTable] = Field(default_factory=list)
     textbook: StageTable | None = None
@@ -258,7 +257,7 @@ def read_model(path: Path) -> SavedModel:
         tuple(robot.names),
         np.array(robot.alpha),
         covariance,
-        tuple(file.loads),
+        {name: {key: n.read() for key, n in load.items()} for name, load in file.loads.items()},
         effects,
         robot.structure.read(path),
         tuple(stage.read(path) for stage in file.stages),

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from pydantic import Field
 
-from impid_host.diagnosis.result import Chosen, Stage
+from impid_host.diagnosis.result import Chosen, Number, Stage
 from impid_host.effects.effect import Ranges
 from impid_host.errors import InputError
 from impid_host.robot.model import RobotModel
@@ -147,6 +147,18 @@ class StageTable(Table):
         loads = {name: np.array(values) for name, values in self.load_values.items()}
         effects = tuple(part for row in self.effects for part in row.read(path))
         return SavedStage(self.added, self.structure.read(path), np.array(self.alpha), loads, effects)
+
+
+class NumberTable(Table):
+    """A load's matrix or place in the file."""
+
+    value: list[Any]
+    ci95: list[Any]
+    unit: str
+
+    def read(self) -> Number:
+        """As it is used."""
+        return Number(np.array(self.value, dtype=float), np.array(self.ci95, dtype=float), self.unit)
 
 
 class RangesTable(Table):

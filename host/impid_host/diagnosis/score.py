@@ -8,16 +8,19 @@ Statistics and Computing 27, 2017).
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
+from scipy import sparse, special
 
 from impid_host.diagnosis.noise import log_density
-from impid_host.diagnosis.rows import REFERENCE, Run
+from impid_host.diagnosis.rows import REFERENCE, Index, Run
 from impid_host.diagnosis.table import Table
 from impid_host.signals.arrays import Floats
 
 _RIDGE = 1e-9
-_KEPT_BYTES = 100_000_000  # of sums; beyond, they are formed anew
+_DRAWS = 4000
+_KEPT_BYTES = 50_000_000  # of sums; beyond, they are formed anew
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,22 +47,39 @@ class Explanation:
 
 @dataclass(frozen=True, slots=True)
 class Difference:
-    """By how much one explanation predicts better than another, nats, and its standard error."""
+    """By how much one explanation predicts better than another, nats, and its standard error.
+
+    Attributes:
+        blocks: of each block of time, (B,).
+    """
 
     gain: float
     se: float
+    blocks: Floats
 
-    @property
-    def sigmas(self) -> float:
-        """Gain in standard errors."""
-        return self.gain / max(self.se, 1e-9)
+    def surely(self, sigmas: float) -> bool:
+        """Whether it is above zero by more than chance, as surely as so many standard errors of a Gaussian.
+
+        By the Bayesian bootstrap (Rubin, Annals of Statistics 9, 1981): where a few blocks tell most and none
+        tells otherwise, the standard error is large and there is no doubt.
+        """
+        fixed = self.gain - float(self.blocks.sum())
+        totals = shares(len(self.blocks)) @ self.blocks + fixed
+        return bool(np.quantile(totals, special.ndtr(-sigmas)) > 0.0)
+
+
+@cache
+def shares(blocks: int) -> Floats:
+    """Weights of the blocks in each draw of the Bayesian bootstrap, (draws, B), each row summing to B."""
+    result: Floats = np.random.default_rng(0).dirichlet(np.ones(blocks), _DRAWS) * blocks
+    return result
 
 
 def difference(one: Explanation, other: Explanation) -> Difference:
     """Positive where `one` predicts better. What the references say has no error of counting."""
     blocks = one.density - other.density
     se = float(np.sqrt(len(blocks)) * np.std(blocks, ddof=1)) if len(blocks) > 1 else 0.0
-    return Difference(one.total - other.total, se)
+    return Difference(one.total - other.total, se, blocks)
 
 
 class Scorer:
@@ -67,14 +87,14 @@ class Scorer:
 
     def __init__(self, table: Table) -> None:
         self._units = table.units
-        self._base = _base_grams(table)
+        self._base = _sums(table, _with_target, 1 + table.runs[0].base.shape[1], None)
         self._apart = np.array([key[0] == REFERENCE for key in table.units.key])
         self._tail = np.array([table.noise.tails[key] for key in table.units.key])
         near = table.units.near.copy()
         # The only rows that tell of a common factor cannot predict themselves: references always take part.
         near[table.units.block[self._apart]] = 0.0
         near[:, table.units.block[self._apart]] = 0.0
-        self._near = near
+        self._near = sparse.csr_array(near)
         self._beside: dict[int, Floats] = {}
         self._between: dict[tuple[int, int], Floats] = {}
 
@@ -82,16 +102,17 @@ class Scorer:
         """The set of terms, scored; the table may have grown by finer shapes."""
         grams = self._grams(table, slots)
         p = table.runs[0].base.shape[1]
-        size = np.sqrt(np.maximum(np.einsum("uii->i", grams), 1e-300))
+        size = np.sqrt(np.maximum(np.einsum("bii->i", grams), 1e-300))
         size[: 1 + p] = 1.0
-        scale = size[1 + p :]
         grams /= np.outer(size, size)
-        density, reference = self._predicted(grams)
-        beta = _solutions(grams.sum(axis=0)[None])[0][p:] / scale
+        total = grams.sum(axis=0)
+        train = (total.ravel() - self._near @ grams.reshape(len(grams), -1)).reshape(grams.shape)
+        density, reference = self._predicted(table, slots, -_solutions(train) / size[1:])
+        beta = _solutions(total[None])[0][p:] / size[1 + p :]
         return Explanation(tuple(slots), density, reference, beta)
 
     def _grams(self, table: Table, slots: Sequence[int]) -> Floats:
-        """Gram matrices of [target | base | terms], one for each unit, (U, m, m)."""
+        """Gram matrices of [target | base | terms], one for each block of time, (B, m, m)."""
         kept = [*self._beside.values(), *self._between.values()]
         if sum(own.nbytes for own in kept) > _KEPT_BYTES:
             self._beside.clear()
@@ -104,57 +125,67 @@ class Scorer:
         for k, s in enumerate(slots):
             own = slice(places[k], places[k + 1])
             if s not in self._beside:
-                self._beside[s] = _sums(table, lambda run: np.column_stack([run.target, run.base]), s)
+                self._beside[s] = _sums(table, _with_target, first, s)
             grams[:, :first, own] = self._beside[s]
             grams[:, own, :first] = np.swapaxes(self._beside[s], 1, 2)
             for j in range(k + 1):
                 pair = (slots[j], s)
                 if pair not in self._between:
                     columns = table.columns([slots[j]])
-                    self._between[pair] = _sums(table, lambda run, c=columns: run.columns(c), s)  # type: ignore[misc]
+                    self._between[pair] = _sums(table, _of_terms(columns), len(columns), s)
                 other = slice(places[j], places[j + 1])
                 grams[:, other, own] = self._between[pair]
                 grams[:, own, other] = np.swapaxes(self._between[pair], 1, 2)
         return grams
 
-    def _predicted(self, grams: Floats) -> tuple[Floats, float]:
-        units = self._units
-        by_block = np.add.reduceat(grams[units.order], units.starts, axis=0)
-        count, m = len(by_block), grams.shape[1]
-        left_out = (self._near @ by_block.reshape(count, -1)).reshape(count, m, m)
-        train = by_block.sum(axis=0) - left_out
-        weights = np.concatenate([np.ones((count, 1)), -_solutions(train)], axis=1)[units.block]
-        moved = np.matmul(grams, weights[:, :, None])[:, :, 0]
-        squares = np.maximum(np.sum(weights * moved, axis=1), 0.0)
+    def _predicted(self, table: Table, slots: Sequence[int], weights: Floats) -> tuple[Floats, float]:
+        """Log density of each block, and of the references.
+
+        Args:
+            weights: of [base | terms] as found without the block, the other way round, (B, m - 1).
+        """
+        units, columns, apart = self._units, table.columns(slots), self._apart
+        p = table.runs[0].base.shape[1]
+        squares = np.zeros(len(units.rows))
+        for run, (begins, places) in zip(table.runs, units.edges, strict=True):
+            C = run.columns(columns) if run.has(columns) else None
+            for place, begin, end in zip(places, begins, [*begins[1:], len(run.target)], strict=True):
+                own = weights[units.block[place]]
+                left = run.target[begin:end] + run.base[begin:end] @ own[:p]
+                if C is not None:
+                    left += C[begin:end] @ own[p:]
+                squares[place] = left @ left
         each = log_density(squares, units.rows, self._tail)
-        apart = self._apart
-        density = np.bincount(units.block[~apart], weights=each[~apart], minlength=count)
+        density = np.bincount(units.block[~apart], weights=each[~apart], minlength=units.blocks)
         return density[np.unique(units.block[~apart])], float(np.sum(each[apart]))
 
 
-def _base_grams(table: Table) -> Floats:
-    """Of [target | base], one for each unit."""
-    m = 1 + table.runs[0].base.shape[1]
-    result = np.zeros((len(table.units.rows), m, m))
-    for run, (begins, places) in zip(table.runs, table.units.edges, strict=True):
-        Z = np.column_stack([run.target, run.base])
-        for place, part in zip(places, np.split(Z, begins[1:]), strict=True):
-            result[place] = part.T @ part
-    return result
+def _with_target(run: Run) -> Floats:
+    return np.column_stack([run.target, run.base])
 
 
-def _sums(table: Table, left: Callable[[Run], Floats], slot: int) -> Floats:
-    """Sums of products of some columns with a slot's, by unit, (U, l, q)."""
-    columns = table.columns([slot])
-    parts: list[Floats] = []
-    for run, (begins, _) in zip(table.runs, table.units.edges, strict=True):
-        A = left(run)
-        if not np.isin(columns, run.used, assume_unique=True).any():
-            parts.append(np.zeros((len(begins), A.shape[1], len(columns))))
+def _of_terms(columns: Index) -> Callable[[Run], Floats]:
+    return lambda run: run.columns(columns)
+
+
+def _sums(table: Table, left: Callable[[Run], Floats], width: int, slot: int | None) -> Floats:
+    """Sums of products of some columns, `width` of them, with a slot's, by block of time, (B, width, q).
+
+    Args:
+        slot: None for the products with the columns themselves.
+    """
+    columns = table.columns([] if slot is None else [slot])
+    units = table.units
+    result = np.zeros((units.blocks, width, width if slot is None else len(columns)))
+    for run, (begins, places) in zip(table.runs, units.edges, strict=True):
+        if slot is not None and not run.has(columns):
             continue
-        products = A[:, :, None] * run.columns(columns)[:, None, :]
-        parts.append(np.add.reduceat(products, begins, axis=0))
-    return np.concatenate(parts)
+        A = left(run)
+        C = A if slot is None else run.columns(columns)
+        # Fifty rows at a time: a product of two small matrices is faster than all products and their sums.
+        for place, begin, end in zip(places, begins, [*begins[1:], len(C)], strict=True):
+            result[units.block[place]] += A[begin:end].T @ C[begin:end]
+    return result
 
 
 def _solutions(grams: Floats) -> Floats:

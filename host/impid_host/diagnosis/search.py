@@ -31,7 +31,9 @@ class Rules:
         relative, relative_unnamed: and over what the other terms change there: the imperfect shape of a large
             term leaves so much.
         beam: sets carried along; contenders: terms tried on each; most: terms in a set.
-        keeps: part of its gain that a name must keep where the structures that imitate it are in the model.
+        takes: a name must take away so many times what is left above the noise: it halves the rms.
+        probable: a name, with all that these data cannot tell from it, must be at least so probable.
+        likely: a name that others could replace must be so probable by itself, or the tie stays open.
     """
 
     sigmas: float = 3.0
@@ -45,7 +47,9 @@ class Rules:
     beam: int = 3
     contenders: int = 8
     most: int = 7
-    keeps: float = 0.5
+    takes: float = 3.0
+    probable: float = 0.5
+    likely: float = 0.7
 
 
 RULES = Rules()
@@ -99,13 +103,13 @@ def search(
 def clearly_better(one: Explanation, other: Explanation, rules: Rules = RULES) -> bool:
     """By more than chance, and by more than nothing."""
     by = difference(one, other)
-    return by.gain > max(rules.sigmas * by.se, rules.nats)
+    return by.gain > rules.nats and by.surely(rules.sigmas)
 
 
 def not_clearly_worse(one: Explanation, best: Explanation, rules: Rules = RULES) -> bool:
     """Within chance of the best, or behind it by next to nothing."""
     by = difference(best, one)
-    return by.gain < max(rules.close_sigmas * by.se, rules.close_nats)
+    return by.gain < rules.close_nats or not by.surely(rules.close_sigmas)
 
 
 @dataclass

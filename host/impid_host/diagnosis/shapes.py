@@ -139,7 +139,7 @@ def _share(table: Table, rest: Sequence[int], s: int) -> float:
     """Part of what is left in the channel that the slot explains."""
     columns = table.columns(rest)
     less = swept(table.G, columns).drop(table.slots[s].columns)
-    keys = {run.key for run in table.runs if np.isin(run.used, table.columns([s])).any()}
+    keys = {run.key for run in table.runs if run.has(table.columns([s]))}
     left = sum(
         float(r @ r) for run, r in zip(table.runs, residuals(table, columns), strict=True) if run.key in keys
     )

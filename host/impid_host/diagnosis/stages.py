@@ -1,7 +1,8 @@
 """The stages of an answer: the first model, one effect more at each, and last what has no known cause."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -16,9 +17,9 @@ from impid_host.effects.catalogue import CATALOGUE
 from impid_host.errors import UndeterminedError
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Bench:
-    """What every stage is fitted on and judged by.
+    """What every stage is fitted on and judged by; what all stages share is worked out once.
 
     Attributes:
         taps: noise models; handle_mass_kg, prior: of setup.toml.
@@ -29,13 +30,23 @@ class Bench:
     handle_mass_kg: float
     prior: tuple[float, ...] | None
 
+    @cached_property
+    def plain(self) -> Refit:
+        """Robot and loads without any effect."""
+        return refit(self.case, [], self.taps)
+
+    @cached_property
+    def spread(self) -> dict[str, float]:
+        """How much each reported channel varies as it was measured."""
+        return self._spread(self.case.base)
+
     def fit(self, chosen: Sequence[Chosen]) -> Refit:
         """Robot, loads and these effects fitted together."""
-        return refit(self.case, chosen, self.taps)
+        return refit(self.case, chosen, self.taps) if chosen else self.plain
 
     def stage(self, fit: Refit, added: Finding | None) -> Stage:
         """What is reported with the fit's effects taken out."""
-        return self._stage(fit, added, self.case.base)
+        return self._stage(fit, added, self.case.base, self.spread)
 
     def textbook(self, first: Stage) -> Stage | None:
         """The textbook's model on the same data; None where they do not determine it.
@@ -49,11 +60,15 @@ class Bench:
         if base.bare or given or base.structure == structure:
             return first
         try:
-            return self._stage(self.fit([]), None, replace(base, structure=structure))
+            other = replace(base, structure=structure)
+            return self._stage(self.plain, None, other, self._spread(other))
         except UndeterminedError:
             return None
 
-    def _stage(self, fit: Refit, added: Finding | None, base: Base) -> Stage:
+    def _spread(self, base: Base) -> dict[str, float]:
+        return proof.spreads(self.plain.views, base, self.case.holdout, self.prior)
+
+    def _stage(self, fit: Refit, added: Finding | None, base: Base, spread: Mapping[str, float]) -> Stage:
         alpha, loads, rms, vaf, names, values = proof.report(
             fit.views,
             fit.chosen,
@@ -61,6 +76,7 @@ class Bench:
             self.case.holdout,
             handle_mass_kg=self.handle_mass_kg,
             prior=self.prior,
+            spread=spread,
             covariance=fit.covariance,
         )
         return Stage(added, rms, vaf, alpha, names, loads, chosen=fit.chosen, load_values=values)
@@ -118,7 +134,7 @@ def named_stages(
     """
     groups = grouped(chosen)
     last = bench.fit(chosen)
-    stages = [bench.stage(bench.fit([]), None)]
+    stages = [bench.stage(bench.plain, None)]
     for count, group in enumerate(groups, start=1):
         places = sorted(k for own in groups[:count] for k in own)
         fit = last if count == len(groups) else bench.fit([chosen[k] for k in places])

@@ -17,6 +17,7 @@ from impid_host.signals.arrays import Floats
 
 _RIDGE = 1e-11
 _SPANNED = 1e-7  # of a column's own power: less is rounding, and the model has it already
+_SPARE = 160  # columns
 Maker = Callable[[Sequence[Slot]], list[Run]]
 
 
@@ -28,7 +29,6 @@ class Units:
         block: number of the block of time to which each belongs, (U,); rows: how many, (U,); key: of its
             channel.
         near: for each block, which blocks are itself or next to it in its trial, (B, B).
-        order: units sorted by block; starts: where each block begins among them, (B,).
         edges: for each run, where its units begin and end, and their numbers.
     """
 
@@ -36,8 +36,6 @@ class Units:
     rows: Floats
     key: tuple[Key, ...]
     near: Floats
-    order: Index
-    starts: Index
     edges: tuple[tuple[Index, Index], ...]
 
     @property
@@ -46,16 +44,43 @@ class Units:
         return len(self.near)
 
 
+@dataclass(slots=True)
+class Room:
+    """A Gram matrix with room for further columns behind it, so that one by one they need no copy of it.
+
+    Attributes:
+        filled: how many rows and columns some table has put there; no table changes what another has put.
+    """
+
+    whole: Floats
+    filled: int
+
+    @classmethod
+    def of(cls, size: int) -> "Room":
+        """Zeros, (size, size) of them to be filled."""
+        return cls(np.zeros((size + _SPARE, size + _SPARE)), size)
+
+    def grown(self, G: Floats, size: int) -> "tuple[Floats, Room]":
+        """G within (size, size), zeros beyond it."""
+        room = self
+        if len(G) != self.filled or size > len(self.whole):
+            room = Room.of(size)
+            room.whole[: len(G), : len(G)] = G
+        room.filled = size
+        return room.whole[:size, :size], room
+
+
 @dataclass(frozen=True, slots=True)
 class Table:
     """Whitened rows of the fit part.
 
     Attributes:
-        runs: target without the base model's part; base: orthonormal directions over all rows.
+        runs: target without the base model's part; base: orthonormal directions over all rows. References
+            (weighed payloads, an earlier robot) come last.
         G: Gram matrix of [target | columns of the slots] with the base model regressed out, (1 + K, 1 + K).
         slots: terms at their shapes.
         make: whitened runs of further slots on the same rows.
-        extra: rows of references (weighed payloads, an earlier robot) come last among the runs.
+        room: where G lies.
     """
 
     runs: tuple[Run, ...]
@@ -64,6 +89,7 @@ class Table:
     units: Units
     noise: Noise
     make: Maker = field(repr=False)
+    room: "Room" = field(repr=False)
 
     @property
     def rows(self) -> int:
@@ -86,28 +112,22 @@ class Table:
             for slot in slots_of([replace(term, shapes=tuple(shapes))], len(self.G) - 1)
         ]
         made = self.make(fresh)
-        runs, width = [], fresh[-1].columns.stop - fresh[0].columns.start
-        first = len(self.G)
-        G = np.zeros((first + width, first + width))
-        G[:first, :first] = self.G
-        added = np.arange(first, first + width)
-        B = np.zeros((self.runs[0].base.shape[1], width))
+        first, last = len(self.G), 1 + fresh[-1].columns.stop
+        G, room = self.room.grown(self.G, last)
+        added = np.arange(first, last)
+        B = np.zeros((self.runs[0].base.shape[1], last - first))
         for run, new in zip(self.runs, made, strict=True):
             B += run.base.T @ new.columns(added - 1)
+        runs = []
         for run, new in zip(self.runs, made, strict=True):
             own = new.columns(added - 1) - run.base @ B
-            index = np.concatenate([[0], 1 + run.used])
-            G[np.ix_(index, added)] += np.column_stack([run.target, run.design]).T @ own
+            G[0, first:] += run.target @ own
+            for used, design in run.parts:
+                G[np.ix_(1 + used, added)] += design.T @ own
             G[first:, first:] += own.T @ own
-            runs.append(
-                replace(
-                    run,
-                    used=np.concatenate([run.used, new.used]),
-                    design=np.concatenate([run.design, new.design], axis=1),
-                )
-            )
+            runs.append(replace(run, further=(*run.further, (new.used, new.design))))
         G[first:, :first] = G[:first, first:].T
-        return replace(self, runs=tuple(runs), G=G, slots=(*self.slots, *fresh))
+        return replace(self, runs=tuple(runs), G=G, slots=(*self.slots, *fresh), room=room)
 
 
 def table_of(runs: Sequence[Run], slots: Sequence[Slot], noise: Noise, make: Maker) -> Table:
@@ -125,14 +145,18 @@ def table_of(runs: Sequence[Run], slots: Sequence[Slot], noise: Noise, make: Mak
         replace(run, target=own, base=base)
         for run, own, base in zip(runs, np.split(target, cuts), np.split(Q, cuts), strict=True)
     ]
-    width = slots[-1].columns.stop if slots else 0
-    G, X = np.zeros((1 + width, 1 + width)), np.zeros((Q.shape[1], 1 + width))
+    size = 1 + (slots[-1].columns.stop if slots else 0)
+    room = Room.of(size)
+    G, X = room.whole[:size, :size], np.zeros((Q.shape[1], size))
     for run in plain:
         index = np.concatenate([[0], 1 + run.used])
         Z = np.column_stack([run.target, run.design])
         G[np.ix_(index, index)] += Z.T @ Z
         X[:, index] += run.base.T @ Z
-    return Table(tuple(plain), G - X.T @ X, tuple(slots), units_of(plain), noise, make)
+    for begin in range(0, size, _SPARE):
+        some = slice(begin, begin + _SPARE)
+        G[some] -= X[:, some].T @ X
+    return Table(tuple(plain), G, tuple(slots), units_of(plain), noise, make, room)
 
 
 def units_of(runs: Sequence[Run]) -> Units:
@@ -157,9 +181,7 @@ def units_of(runs: Sequence[Run]) -> Units:
             if (trial, other) in numbers:
                 near[place, numbers[trial, other]] = 1.0
     of_block = np.array(block, dtype=np.intp)
-    order = np.argsort(of_block, kind="stable")
-    starts = np.searchsorted(of_block[order], np.arange(len(numbers)))
-    return Units(of_block, np.array(rows), tuple(key), near, order, starts, tuple(edges))
+    return Units(of_block, np.array(rows), tuple(key), near, tuple(edges))
 
 
 def residuals(table: Table, columns: Index) -> list[Floats]:
@@ -188,6 +210,8 @@ class Swept:
 
     def drop(self, columns: slice) -> float:
         """Drop of the residual sum of squares by further columns, without what the others span."""
+        if columns.stop == columns.start + 1:
+            return self._drop_of_one(columns.start + 1)
         index = np.arange(columns.start, columns.stop) + 1
         W, own = self.W[:, index], self.G[np.ix_(index, index)]
         A, b = own - W.T @ W, self.G[index, 0] - W.T @ self.W[:, 0]
@@ -201,6 +225,14 @@ class Swept:
         values, vectors = np.linalg.eigh(A / np.outer(size, size))
         good = values > 1e-6
         return float(np.sum((vectors[:, good].T @ (b / size)) ** 2 / values[good]))
+
+    def _drop_of_one(self, place: int) -> float:
+        w = self.W[:, place]
+        own = float(self.G[place, place])
+        left = own - float(w @ w)
+        if left <= _SPANNED * max(own, 1e-300):
+            return 0.0
+        return float(self.G[place, 0] - self.W[:, 0] @ w) ** 2 / left
 
 
 def swept(G: Floats, columns: Index) -> Swept:

@@ -1,17 +1,15 @@
 """What the tolerances of declared constants leave open in a load's matrices, beside the noise.
 
 A link length enters every force and acceleration; its tolerance ([tolerance] in setup.toml, one standard
-deviation) is
-carried through the whole fit by a finite difference. What scales all torques alike is no interval but an
-assumption:
-M, B and K scale with the torque constants unless a weighed payload or a force sensor confirms them.
+deviation) is carried through the whole fit by a finite difference. What scales all torques alike is no
+interval but an assumption: M, B and K scale with the torque constants unless a weighed payload or a force
+sensor confirms them.
 """
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-from scipy import stats
 
 from impid_host.diagnosis.base import Base
 from impid_host.diagnosis.holdout import Holdout
@@ -23,9 +21,9 @@ from impid_host.impedance.linear import Estimate
 from impid_host.impedance.loads import LoadModel
 from impid_host.impedance.matrices import load_matrices
 from impid_host.signals.arrays import Floats
+from impid_host.signals.quantiles import NORMAL_975
 from impid_host.study.model import Tolerance
 
-_NORMAL = float(stats.norm.ppf(0.975))
 _LETTERS = ("M", "B", "K")
 NOISE, LENGTHS = "noise", "link lengths"
 
@@ -95,7 +93,7 @@ def _changes(load: LoadModel, here: Estimate, moved: Sequence[Estimate]) -> Mapp
             a, b = getattr(first, letter), getattr(second, letter)
             if a is not None and b is not None:
                 squares[letter] = squares.get(letter, np.zeros_like(a.value)) + (b.value - a.value) ** 2
-    return {letter: _NORMAL * np.sqrt(own) for letter, own in squares.items()}
+    return {letter: NORMAL_975 * np.sqrt(own) for letter, own in squares.items()}
 
 
 def _wider(number: Number, more: Floats) -> Number:

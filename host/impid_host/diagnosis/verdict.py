@@ -6,8 +6,9 @@ import numpy as np
 
 from impid_host.checks.check import Checks
 from impid_host.diagnosis.result import UNATTRIBUTED, Finding, Number, Stage, Structure, Tie
+from impid_host.diagnosis.search import RULES
 
-_SURE, _LIKELY = 0.9, 0.7
+_SURE = 0.9
 
 
 def sentence(
@@ -59,7 +60,7 @@ def _most_changed(stages: Sequence[Stage]) -> str:
 
 def _cause(own: Finding) -> str:
     sure = own.evidence.confidence
-    word = "sure" if sure >= _SURE else "likely" if sure >= _LIKELY else "possible"
+    word = "sure" if sure >= _SURE else "likely" if sure >= RULES.likely else "possible"
     return f"{own.effect} on {' and '.join(own.where)}, {word} ({sure:.2f})"
 
 

@@ -8,10 +8,18 @@ from impid_host.effects.catalogue import CATALOGUE
 from impid_host.effects.effect import Term, Value
 from impid_host.signals.arrays import Floats
 
+_NEAR = 0.02  # of a non-linear parameter: as near to a bound it is the bound's, not the data's
+
 
 def possible(term: Term, beta: Floats, shape: float) -> bool:
     """Every reported parameter within its bounds, and the term's own gate open."""
     return bool(np.all(np.isfinite(beta))) and term.gate(beta, shape) and not outside(term, beta, shape)
+
+
+def on_its_bound(term: Term, beta: Floats, shape: float) -> bool:
+    """Whether the non-linear parameter lies where it would next be impossible: the data ask for more."""
+    near = (shape * (1 + _NEAR), shape / (1 + _NEAR))
+    return term.shaped and possible(term, beta, shape) and not all(possible(term, beta, s) for s in near)
 
 
 def outside(term: Term, beta: Floats, shape: float) -> list[str]:

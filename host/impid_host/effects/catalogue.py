@@ -3,13 +3,23 @@
 from collections.abc import Sequence
 from dataclasses import replace
 
-from impid_host.effects import accelerometer, actuator, encoder, force, friction, geometry, load, robot
+from impid_host.effects import (
+    accelerometer,
+    actuator,
+    encoder,
+    force,
+    friction,
+    geometry,
+    load,
+    load_course,
+    robot,
+)
 from impid_host.effects.effect import Effect, Setting, Term
 from impid_host.effects.units import own_units
 
 CATALOGUE: dict[str, Effect] = {
     effect.name: effect
-    for family in (friction, robot, geometry, actuator, accelerometer, encoder, force, load)
+    for family in (friction, robot, geometry, actuator, accelerometer, encoder, force, load, load_course)
     for effect in family.EFFECTS
 }
 _ANY_TRIAL = "a free trial over a larger range and with a wider band of speeds"

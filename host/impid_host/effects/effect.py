@@ -65,6 +65,7 @@ class Setting:
         accelerometer, second_clock, force_sensor: what there is.
         referenced: a weighed payload or an earlier robot is known, so that common factors show.
         duration_s: of the longest trial.
+        held: effects that the robot's model has already, on every joint.
     """
 
     joints: int
@@ -87,6 +88,7 @@ class Setting:
     force_sensor: bool
     referenced: bool
     duration_s: float
+    held: frozenset[str] = frozenset()
 
     def at_ranges(self, other: "Ranges") -> "Setting":
         """The same apparatus, moved as in another record: terms that follow the motion are that record's."""
@@ -294,6 +296,36 @@ def in_some_trials(term: Term, setting: Setting, *when: When) -> list[Term]:
     return [term, *(replace(term, when=part) for part in when)]
 
 
+@dataclass(frozen=True, slots=True)
+class Each:
+    """Columns of a term with `size` parameters of its own for each of the named trials or loads.
+
+    Attributes:
+        inner: the columns of one; key: the name to which a trial belongs.
+    """
+
+    inner: Fit
+    size: int
+    names: tuple[str, ...]
+    key: Callable[[View], str | None]
+
+    def first(self, view: View) -> int | None:
+        """Where the trial's own parameters begin; None where it has none."""
+        name = self.key(view)
+        return self.size * self.names.index(name) if name in self.names else None
+
+    def __call__(self, view: View, shape: float) -> Columns:
+        """All columns of one trial, those of the others zero."""
+        first = self.first(view)
+        if first is None:
+            return {}
+        result = {}
+        for family, own in self.inner(view, shape).items():
+            result[family] = np.zeros((*own.shape[:2], self.size * len(self.names)))
+            result[family][:, :, first : first + self.size] = own
+        return result
+
+
 def each_has_its_own(term: Term, names: Sequence[str], key: Callable[[View], str | None]) -> Term:
     """The term with parameters of its own for each of the named trials or loads.
 
@@ -303,21 +335,11 @@ def each_has_its_own(term: Term, names: Sequence[str], key: Callable[[View], str
     names = tuple(names)
     place = {name: k for k, name in enumerate(names)}
     q = term.size
+    columns = Each(term.columns, q, names, key)
 
     def block(view: View, beta: Floats) -> Floats | None:
-        k = place.get(key(view) or "")
-        return None if k is None else beta[q * k : q * (k + 1)]
-
-    def columns(view: View, shape: float) -> Columns:
-        k = place.get(key(view) or "")
-        if k is None:
-            return {}
-        result = {}
-        for family, own in term.columns(view, shape).items():
-            wide = np.zeros((*own.shape[:2], q * len(names)))
-            wide[:, :, q * k : q * (k + 1)] = own
-            result[family] = wide
-        return result
+        first = columns.first(view)
+        return None if first is None else beta[first : first + q]
 
     def read(beta: Floats, shape: float) -> dict[str, Value]:
         found: dict[str, dict[str, Plain]] = {}

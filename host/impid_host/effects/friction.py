@@ -6,9 +6,9 @@ for the control of machines with friction", Automatica 30 (1994).
 
 from collections.abc import Iterator
 from dataclasses import replace
-from itertools import pairwise
 
 import numpy as np
+from numpy.typing import NDArray
 
 from impid_host.effects.effect import (
     Effect,
@@ -34,6 +34,7 @@ _BENDS = (
     3e-3,
 )  # of the range of the joint: any contact bends a little before it slides
 _BEND = 5e-4  # where another parameter is sought
+_ONCE = 1.2  # of the range: a period of which five sixths were visited can be told
 _WIDTHS = (0.01, 0.02, 0.04, 0.08, 0.16, 0.32)  # of the range: friction that is a spring until it slides
 
 
@@ -60,16 +61,22 @@ def dahl(position: Floats, width: float) -> Floats:
 
     Dahl, Solid friction damping of mechanical vibrations, AIAA J. 14 (1976).
     """
-    step = np.diff(position)
-    edges = np.concatenate([[0], np.flatnonzero(np.diff(np.sign(step)) != 0) + 1, [len(step)]])
-    result = np.empty(len(position))
-    result[0] = state = 0.0
-    for begin, end in pairwise(edges):
-        towards = np.sign(step[begin]) if end > begin else 0.0
-        gone = np.abs(position[begin + 1 : end + 1] - position[begin]) / width
-        result[begin + 1 : end + 1] = towards + (state - towards) * np.exp(-gone)
-        state = result[end]
-    return result
+    turns, place = _stretches(position)
+    way = np.sign(np.diff(position[turns]))
+    fades = np.exp(-np.abs(np.diff(position[turns])) / width)
+    states = [0.0]
+    for towards, fade in zip(way.tolist(), fades.tolist(), strict=True):
+        states.append(towards + (states[-1] - towards) * fade)
+    begin, towards = np.array(states)[place], way[place]
+    gone = np.abs(position[1:] - position[turns[place]]) / width
+    return np.concatenate([[0.0], towards + (begin - towards) * np.exp(-gone)])
+
+
+def _stretches(position: Floats) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Where a motion (N,) turns and ends, (k + 1,); the stretch of each instant but the first, (N - 1,)."""
+    inner = np.flatnonzero(np.diff(np.sign(np.diff(position))) != 0) + 1
+    turns = np.concatenate([[0], inner, [len(position) - 1]])
+    return turns, np.repeat(np.arange(len(turns) - 1), np.diff(turns))
 
 
 def _bends(setting: Setting, joint: int) -> tuple[float, ...]:
@@ -123,6 +130,9 @@ def _asymmetric(setting: Setting) -> Iterator[Term]:
             way, omega = direction(view, joint, bend), view.omega[:, joint]
             return on_joint(view, joint, np.maximum(way, 0), np.minimum(way, 0), np.abs(omega))
 
+        def slopes(view: View, _shape: float, joint: int = joint) -> Columns:
+            return on_joint(view, joint, np.abs(view.omega[:, joint]))
+
         plain = Term(
             "friction.asymmetric",
             (place,),
@@ -135,6 +145,10 @@ def _asymmetric(setting: Setting) -> Iterator[Term]:
             # While a joint moves, unequal dry friction is equal dry friction beside a constant torque.
             holds=(f"friction.coulomb@{place}", f"actuator.offset@{place}"),
         )
+        if {"friction.coulomb", "actuator.offset"} <= setting.held:
+            # The model has both parts of unequal dry friction; what it lacks is a slope that is unequal.
+            yield Term("friction.asymmetric", (place,), slopes, _read_slopes, variant="slopes alone")
+            continue
         yield plain
         yield replace(plain, columns=sloped, read=_read_sloped, size=3, variant="slopes too")
 
@@ -148,6 +162,10 @@ def _read_sloped(beta: Floats, _shape: float) -> dict[str, Value]:
     """The slopes are what is to be added to the model's viscous friction in either direction."""
     pos, neg, slope = map(float, beta)
     return {"torque_pos": pos, "torque_neg": neg, "viscous_pos": slope, "viscous_neg": -slope}
+
+
+def _read_slopes(beta: Floats, _shape: float) -> dict[str, Value]:
+    return {"viscous_pos": float(beta[0]), "viscous_neg": -float(beta[0])}
 
 
 def _quadratic(setting: Setting) -> Iterator[Term]:
@@ -166,8 +184,9 @@ def _quadratic(setting: Setting) -> Iterator[Term]:
 
 
 def _position(setting: Setting) -> Iterator[Term]:
+    """A ripple over the angle: what was not visited about once around is a slope."""
     for joint in range(setting.joints):
-        bend = float(_BEND * setting.span[joint])
+        bend, longest = float(_BEND * setting.span[joint]), float(_ONCE * setting.span[joint])
         for variant in ("dry", "viscous"):
 
             def columns(
@@ -188,7 +207,8 @@ def _position(setting: Setting) -> Iterator[Term]:
                 columns,
                 _read_position,
                 size=2,
-                shapes=tuple(float(setting.span[joint] * part) for part in np.geomspace(0.12, 4.0, 18)),
+                shapes=tuple(float(setting.span[joint] * part) for part in np.geomspace(0.12, _ONCE, 13)),
+                gate=lambda _beta, period, longest=longest: bool(period <= longest),  # type: ignore[misc]
                 variant=variant,
             )
 
@@ -228,7 +248,9 @@ def _presliding(setting: Setting) -> Iterator[Term]:
             theta = view.theta[:, joint]
             return on_joint(view, joint, stop(theta, width / 3.0), stop(theta, width))
 
-        shapes = tuple(float(setting.span[joint] * part) for part in _WIDTHS)
+        # Beside dry friction that is in the model without a bend, a bend of any width is presliding.
+        widths = (*_BENDS[1:], *_WIDTHS) if "friction.coulomb" in setting.held else _WIDTHS
+        shapes = tuple(float(setting.span[joint] * part) for part in widths)
         place = (joint_name(joint),)
         yield Term("friction.presliding", place, one, _read_presliding, shapes=shapes, variant="Dahl")
         yield Term(
@@ -245,14 +267,13 @@ def _presliding(setting: Setting) -> Iterator[Term]:
 
 def stop(position: Floats, width: float) -> Floats:
     """Prandtl's stop operator in -1..1 along a position (N,): a spring of 1 / width that slips at 1."""
-    step = np.diff(position) / width
-    result = np.empty(len(position))
-    result[0] = state = 0.0
-    for k, move in enumerate(step.tolist(), start=1):
-        state += move
-        state = 1.0 if state > 1.0 else -1.0 if state < -1.0 else state
-        result[k] = state
-    return result
+    # Between reversals it goes one way, so that it slips at one end and stays there.
+    turns, place = _stretches(position)
+    states = [0.0]
+    for move in (np.diff(position[turns]) / width).tolist():
+        states.append(min(max(states[-1] + move, -1.0), 1.0))
+    gone = (position[1:] - position[turns[place]]) / width
+    return np.concatenate([[0.0], np.clip(np.array(states)[place] + gone, -1.0, 1.0)])
 
 
 def _read_presliding(beta: Floats, width: float) -> dict[str, Value]:

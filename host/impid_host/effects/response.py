@@ -7,9 +7,11 @@ and all of them look a little like springs, delays and masses that are.
 from collections.abc import Iterator
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy import fft
 
-from impid_host.effects.effect import UNATTRIBUTED, Setting, Term, along, at_tip, on_joint
-from impid_host.effects.view import SPECIFIC_FORCE, Columns, View
+from impid_host.effects.effect import UNATTRIBUTED, Setting, Term, along, on_joint
+from impid_host.effects.view import SPECIFIC_FORCE, TORQUE, Columns, View
 from impid_host.signals.arrays import Floats
 
 NODES_HZ = (0.3, 0.6, 0.9, 1.25, 1.6, 2.0, 2.6, 3.4, 4.5)
@@ -33,7 +35,8 @@ def response_terms(setting: Setting) -> Iterator[Term]:
         def pulled(view: View, _shape: float, axis: int = axis) -> Columns:
             if view.load is None:
                 return {}
-            return at_tip(view, *(along(c, axis) for c in filtered(view.a[:, axis], view.dt)))
+            bands = np.stack(filtered(view.a[:, axis], view.dt), axis=1)
+            return {TORQUE: view.J[:, axis, :, None] * bands[:, None, :]}
 
         yield _term(f"f{'xy'[axis]}", pulled, "xy"[axis])
     for axis in (0, 1) if setting.accelerometer else ():
@@ -59,14 +62,31 @@ def filtered(values: Floats, dt: float) -> list[Floats]:
     """
     count = len(values)
     size = 2 * count  # the other half is silence, so that the end does not reach the beginning
-    spectrum = np.fft.rfft(values, size)
-    frequency = np.fft.rfftfreq(size, dt)
-    result: list[Floats] = []
+    used = int(_ENDS_HZ[1] * dt * size) + 1
+    spectrum = fft.rfft(values, size)[:used] * (2 / size)
+    frequency = np.arange(used) / (dt * size)
     nodes = (_ENDS_HZ[0], *NODES_HZ, _ENDS_HZ[1])
-    for node in range(1, len(nodes) - 1):
-        weight = np.interp(frequency, nodes, np.eye(len(nodes))[node])
-        result += [np.fft.irfft(spectrum * weight * turn, size)[:count] for turn in (1.0, -1j)]
-    return result
+    weights = np.stack([np.interp(frequency, nodes, row) for row in np.eye(len(nodes))[1:-1]])
+    bands = _synthesised(spectrum * weights, count, size)
+    return [part for band in bands for part in (band.real, band.imag)]
+
+
+def _synthesised(spectra: NDArray[np.complex128], count: int, size: int) -> NDArray[np.complex128]:
+    """sum_k s[k] exp(2 pi i k n / size) for n < count: (b, m) -> (b, count).
+
+    Only the first few lines of the spectrum are there, so that a convolution with a chirp of little more than
+    `count` instants does it: 2 k n = k^2 + n^2 - (k - n)^2 (Bluestein, IEEE Trans. Audio Electroacoust. 18,
+    1970).
+    """
+    lines = spectra.shape[1]
+    padded = fft.next_fast_len(count + lines - 1)
+    place = np.arange(max(count, lines))
+    chirp = np.exp(1j * np.pi / size * (place**2 % (2 * size)))
+    kernel = np.concatenate(
+        [chirp[:count], np.zeros(padded - count - lines + 1), chirp[1:lines][::-1]]
+    ).conj()
+    mixed = fft.ifft(fft.fft(spectra * chirp[:lines], padded) * fft.fft(kernel))
+    return np.asarray(mixed[:, :count] * chirp[:count])
 
 
 def _term(on: str, columns: object, of: str) -> Term:

@@ -10,9 +10,10 @@ from collections.abc import Callable, Iterator, Sequence
 import numpy as np
 from scipy.interpolate import BSpline
 
-from impid_host.effects.effect import UNATTRIBUTED, Setting, Term
+from impid_host.effects.effect import UNATTRIBUTED, Each, Setting, Term
 from impid_host.effects.response import response_terms
 from impid_host.effects.view import FORCE, SPECIFIC_FORCE, TORQUE, Columns, View
+from impid_host.impedance.virtual_sensor import through_jacobian
 from impid_host.signals.arrays import Floats
 from impid_host.signals.direction import sign_mean
 
@@ -40,8 +41,8 @@ def pull(view: View) -> Floats:
     """Size of the force that presses on the bearings of a robot under load, (N,); zero in free motion."""
     if view.load is None:
         return np.zeros_like(view.t)
-    force = np.linalg.pinv(np.swapaxes(view.J, 1, 2)) @ view.torque_model[:, :, None]
-    return np.asarray(np.linalg.norm(force[:, :, 0], axis=1))
+    force = through_jacobian(view.model, view.theta, view.torque_model)
+    return np.asarray(np.linalg.norm(force, axis=1))
 
 
 def curve_basis(values: Floats, low: float, high: float, count: int) -> Floats:
@@ -51,6 +52,21 @@ def curve_basis(values: Floats, low: float, high: float, count: int) -> Floats:
     inside = np.clip(values, low, high)
     result: Floats = BSpline.design_matrix(inside, knots, 3).toarray()
     return result
+
+
+_CURVE = "curve of "
+
+
+def _basis(view: View, name: str, variable: Variable, span: tuple[float, float], count: int) -> Floats:
+    """`curve_basis` of a variable, remembered until another variable is asked for: many terms share it."""
+    key = (f"{_CURVE}{name} to {span[1]!r}", count, span[0])
+    found = view.memo.get(key)
+    if found is None:
+        found = curve_basis(variable(view), *span, count)
+        for old in [old for old in list(view.memo) if old[0].startswith(_CURVE) and old[0] != key[0]]:
+            view.memo.pop(old, None)
+        view.memo[key] = found
+    return found
 
 
 def structures(parts: Sequence[View], setting: Setting) -> list[Term]:
@@ -108,7 +124,7 @@ def _curve(
     name: str, variable: Variable, span: tuple[float, float], channel: tuple[str, int], count: int
 ) -> Term:
     def columns(view: View, _shape: float) -> Columns:
-        return on_channel(view, *channel, curve_basis(variable(view), *span, count))
+        return on_channel(view, *channel, _basis(view, name, variable, span, count))
 
     return unnamed(channel_name(*channel), name, columns, count, f"{name} by {count}")
 
@@ -137,19 +153,13 @@ def _one_trial(odd: View) -> Term:
 
 def _wandering_gain(parts: Sequence[View], joint: int) -> Term:
     """A drive whose gain changes in the course of each trial, in each otherwise."""
-    places = {view.name: place for place, view in enumerate(parts)}
-    size = COARSE * len(parts)
 
     def columns(view: View, _shape: float) -> Columns:
-        if view.name not in places:
-            return {}
-        block = np.zeros((len(view.t), size))
-        own = slice(COARSE * places[view.name], COARSE * (places[view.name] + 1))
         basis = curve_basis(view.t, 0.0, float(view.t[-1]), COARSE)
-        block[:, own] = basis * view.torque_model[:, [joint]]
-        return on_channel(view, TORQUE, joint, block)
+        return on_channel(view, TORQUE, joint, basis * view.torque_model[:, [joint]])
 
-    return unnamed(f"tau{joint + 1}", "time", columns, size, EACH)
+    each = Each(columns, COARSE, tuple(view.name for view in parts), lambda view: view.name)
+    return unnamed(f"tau{joint + 1}", "time", each, COARSE * len(parts), EACH)
 
 
 def _friction_by_pull(joint: int) -> Term:
@@ -171,7 +181,7 @@ def _products(name: str, variable: Variable, span: tuple[float, float], joint: i
     for word, factor in factors.items():
 
         def columns(view: View, _shape: float, factor: Variable = factor) -> Columns:
-            basis = curve_basis(variable(view), *span, COARSE)
+            basis = _basis(view, name, variable, span, COARSE)
             return on_channel(view, TORQUE, joint, basis * factor(view)[:, None])
 
         yield unnamed(f"tau{joint + 1}", name, columns, COARSE, f"{word} times {name}")

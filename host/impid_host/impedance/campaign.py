@@ -16,7 +16,7 @@ from impid_host.impedance.stochastic import SpectralFit, fit_spectral, shaken
 from impid_host.robot.model import RobotModel, robot_model, torque_at_load
 from impid_host.robot.terms import RobotStructure, robot_structure
 from impid_host.signals.align import AccelerationSource, AlignedTrial, align, robot_rows
-from impid_host.signals.band import following, motion_band_hz
+from impid_host.signals.band import HIGHEST_OF_RATE, following, motion_band_hz
 from impid_host.signals.chain import DEFAULT, Chain
 from impid_host.study.model import Setup, Study
 
@@ -67,8 +67,10 @@ def default_chain(study: Study) -> Chain:
     kinds = [trial.kind for trial in study.trials]
     limb = torque_at_load(robot_model(study.setup.robot), kinds)
     trials = study.of_kind("arm") if limb else study.of_kind("free")
-    logs = [robot_rows(trial.robot) for trial in trials]
-    return following(DEFAULT, [motion_band_hz(log.t, log.theta) for log in logs if len(log) >= _FEWEST_ROWS])
+    logs = [log for log in (robot_rows(trial.robot) for trial in trials) if len(log) >= _FEWEST_ROWS]
+    chain = following(DEFAULT, [motion_band_hz(log.t, log.theta) for log in logs])
+    shown = min((HIGHEST_OF_RATE / float(np.median(np.diff(log.t))) for log in logs), default=np.inf)
+    return chain if chain.cutoff_hz <= shown else chain.with_cutoff(shown)
 
 
 _FEWEST_ROWS = 100
@@ -154,7 +156,7 @@ def fit_aligned(
         tuple(loads),
         tuple(spectral),
         study.setup.handle_mass_kg,
-        None if options.chain.finish is None else options.chain.finish.cutoff_hz,
+        None if options.chain.finish is None else options.chain.cutoff_hz,
         tuple(partial),
         tuple(forces),
         physical,

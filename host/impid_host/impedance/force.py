@@ -11,7 +11,7 @@ from impid_host.impedance.rows import Split, finish
 from impid_host.impedance.virtual_sensor import external_force, through_jacobian
 from impid_host.robot.terms import RobotStructure
 from impid_host.signals.align import AlignedTrial
-from impid_host.signals.arrays import Floats
+from impid_host.signals.arrays import Floats, Mask
 from impid_host.signals.chain import Chain
 
 STATICS = "torque alone, nothing fitted"
@@ -113,6 +113,44 @@ def compare_forces(
         errors=tuple(errors),
         held_out=split.validation_s > 0,
     )
+
+
+@dataclass(frozen=True, slots=True)
+class ForceSeries:
+    """Force of the load on the robot along one trial, base frame, finished by the chain.
+
+    Attributes:
+        t: s since the trial's first common instant, (N,); valid: rows that neither a gap nor a filter's edge
+            touches, (N,).
+        virtual: by the virtual sensor, N, (N, d), None where the robot is unknown; sd: its standard deviation
+            by the robot's parameters alone, N, (N, d).
+        physical: by the physical sensor, N, (N, d), or None.
+    """
+
+    axes: tuple[str, ...]
+    t: Floats
+    valid: Mask
+    virtual: Floats | None
+    sd: Floats | None
+    physical: Floats | None
+
+
+def force_series(trial: AlignedTrial, robot: RobotParameters, chain: Chain) -> ForceSeries:
+    """Both forces along a whole trial.
+
+    Raises:
+        UndeterminedError: fewer joints than axes.
+    """
+    structure = robot.structure
+    virtual = sd = None
+    if robot.origin != "unknown":
+        virtual = _virtual(trial, structure, robot.value, chain)
+        Y = structure.regressor(trial.theta, trial.omega, trial.theta_dd, 1 / trial.rate_hz)
+        slope = _finished(chain, trial, through_jacobian(structure.model, trial.theta, Y))
+        sd = np.sqrt(np.einsum("ndp,pq,ndq->nd", slope, robot.covariance, slope))
+    physical = None if trial.force is None else _finished(chain, trial, trial.force)
+    axes = tuple(structure.model.task_axes)
+    return ForceSeries(axes, trial.elapsed, trial.valid, virtual, sd, physical)
 
 
 def _virtual(trial: AlignedTrial, structure: RobotStructure, value: Floats, chain: Chain) -> Floats:

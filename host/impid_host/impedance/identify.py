@@ -119,15 +119,21 @@ def virtual_equation(trial: AlignedTrial, robot: RobotParameters, load: LoadMode
     return Equation(trial, A, torque_part - slope @ robot.value, -slope)
 
 
-def physical_equation(trial: AlignedTrial, load: LoadModel, chain: Chain) -> Equation:
+def physical_equation(
+    trial: AlignedTrial, load: LoadModel, chain: Chain, A: Floats | None = None
+) -> Equation:
     """-F_ext = A @ parameters with F_ext by the physical sensor.
+
+    Args:
+        A: finished, where the virtual sensor's equation has it already.
 
     Raises:
         UndeterminedError: the trial's log has no fx, fy.
     """
     if trial.force is None:
         raise UndeterminedError(f"trial {trial.name}: no fx, fy in robot.csv, so Method 2 has nothing to fit")
-    A = finish(chain, load.regressor(trial.x, trial.v, trial.a), trial.rate_hz)
+    if A is None:
+        A = finish(chain, load.regressor(trial.x, trial.v, trial.a), trial.rate_hz)
     return Equation(trial, A, -finish(chain, trial.force, trial.rate_hz))
 
 

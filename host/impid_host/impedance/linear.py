@@ -17,11 +17,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import stats
 
 from impid_host.errors import UndeterminedError
 from impid_host.impedance.colour import Colour, colour_of
 from impid_host.signals.arrays import Floats
+from impid_host.signals.quantiles import student_975
 
 _MAX_CONDITION = 1e7
 ROWS_PER_PARAMETER = 3
@@ -92,7 +92,7 @@ class Estimate:
     def half_width(self, slope: Floats) -> Floats:
         """Half the 95 % intervals, (k,), of what has derivatives `slope` (k, p) by the parameters."""
         variance = np.einsum("kp,pq,kq->k", slope, self.covariance, slope)
-        half: Floats = stats.t.ppf(0.975, self._dof(slope)) * np.sqrt(variance)
+        half: Floats = student_975(self._dof(slope)) * np.sqrt(variance)
         return half
 
     def _dof(self, slope: Floats) -> Floats:

@@ -5,6 +5,7 @@ import numpy as np
 from impid_host.errors import UndeterminedError
 from impid_host.robot.model import RobotModel
 from impid_host.signals.arrays import Floats
+from impid_host.signals.systems import solved
 
 
 def through_jacobian(model: RobotModel, theta: Floats, joint_side: Floats) -> Floats:
@@ -20,9 +21,9 @@ def through_jacobian(model: RobotModel, theta: Floats, joint_side: Floats) -> Fl
     n, d = J_T.shape[1:]
     if n < d:
         raise UndeterminedError(f"{n} joint torque(s) do not determine a force along {d} axes")
-    inverse = np.linalg.solve(J_T, columns) if n == d else np.linalg.pinv(J_T) @ columns
-    solved: Floats = np.asarray(inverse, dtype=np.float64)
-    return solved[:, :, 0] if joint_side.ndim == 2 else solved
+    inverse = solved(J_T, columns) if n == d else np.linalg.pinv(J_T) @ columns
+    result: Floats = np.asarray(inverse, dtype=np.float64)
+    return result[:, :, 0] if joint_side.ndim == 2 else result
 
 
 def beyond_force(model: RobotModel, theta: Floats, joint_side: Floats) -> Floats:

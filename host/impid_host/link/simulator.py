@@ -58,7 +58,7 @@ class Simulator:
         )
         if program is None:
             raise LinkError(
-                "impid-sim is not installed here; install impid with its simulator (pip install impid)"
+                "impid-sim is not installed here; install impid with its simulator (pip install 'impid[sim]')"
             )
         name, _, trial = scenario.partition(":")
         command = [program, "serve", name, "--speed", f"{speed:g}", "--until-stdin-closes"]

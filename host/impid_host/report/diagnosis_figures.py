@@ -76,7 +76,7 @@ def _residuals(diagnosis: Diagnosis, key: str, traces: Sequence[Trace]) -> Figur
                 values[::7], residual[::7], ".", markersize=1.0, alpha=0.25, color=color, rasterized=True
             )
         for residual, color in ((before, _BEFORE), (after, _AFTER)):
-            place, level = _binned(values, residual)
+            place, level = binned(values, residual)
             panel.plot(place, level, color="white", linewidth=2.6)
             panel.plot(place, level, color=color)
         panel.axhline(0.0, color=_FLOOR, linewidth=0.5)
@@ -126,7 +126,7 @@ def _against_frequency(axis: Axes, traces: Sequence[Trace], unit: str) -> None:
     axis.set_ylabel(rf"{unit} / $\sqrt{{\mathrm{{Hz}}}}$")
 
 
-def _binned(values: Floats, residual: Floats) -> tuple[Floats, Floats]:
+def binned(values: Floats, residual: Floats) -> tuple[Floats, Floats]:
     """Mean residual in bins that hold equally many rows; few values make a bin each."""
     levels = np.unique(values)
     if len(levels) <= 3:

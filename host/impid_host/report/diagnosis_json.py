@@ -16,6 +16,7 @@ def diagnosis_json(diagnosis: Diagnosis, checks: Checks | None = None) -> Json:
         "format": "impid-diagnosis/1",
         "study": diagnosis.study,
         "baseline": diagnosis.baseline,
+        "cutoff_Hz": diagnosis.cutoff_hz,
         "verdict": diagnosis.verdict,
         **({} if checks is None else checks.to_dict()),
         "trials": {

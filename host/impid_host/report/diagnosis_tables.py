@@ -1,6 +1,7 @@
 """A diagnosis as tables to read in a terminal."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 from rich.table import Column, Table
@@ -22,8 +23,8 @@ def stage_name(stage: Stage) -> str:
 def stage_table(diagnosis: Diagnosis) -> Table:
     """Error on held-out data, stage by stage."""
     keys = list(diagnosis.stages[0].rms)
-    heads = [f"{key} ({channel_unit(key, diagnosis.prismatic)})" for key in keys]
-    title = f"{diagnosis.study}: rms and VAF on held-out data"
+    heads = [_numbers(f"{key} ({channel_unit(key, diagnosis.prismatic)})") for key in keys]
+    title = f"{diagnosis.study}: rms and VAF on held-out data, below {diagnosis.cutoff_hz:g} Hz"
     table = Table(Column("model", no_wrap=True), *heads, title=title, title_justify="left")
     for number, stage in enumerate(diagnosis.stages):
         row = [f"{stage.rms[key]:.3g}\n{stage.vaf[key]:.2f} %" for key in keys]
@@ -38,11 +39,15 @@ def stage_table(diagnosis: Diagnosis) -> Table:
     return table
 
 
+def _numbers(head: str) -> Column:
+    """A column of numbers: to the right, so that they are marked where they are not to be trusted."""
+    return Column(head, justify="right")
+
+
 def effect_table(diagnosis: Diagnosis) -> Table:
     """What was found, with intervals, evidence and the runner-up."""
-    table = Table(
-        "effect", "parameters", "explains", "predicts better by", "sure", "runner-up", title_justify="left"
-    )
+    heads = ("parameters", "explains", "predicts better by", "sure", "runner-up")
+    table = Table("effect", *map(_numbers, heads), title_justify="left")
     for stage in diagnosis.stages[1:]:
         found = stage.added
         assert found is not None
@@ -69,10 +74,10 @@ def effect_table(diagnosis: Diagnosis) -> Table:
 def parameter_table(diagnosis: Diagnosis) -> Table:
     """What would have been reported without the effects, and what is with them, entry by entry."""
     names = ["would have been reported" if s.added is None else stage_name(s) for s in diagnosis.stages]
-    columns = [*names, "change"]
+    columns = [_numbers(head) for head in (*names, "change")]
     title = "robot and loads by the first model and with what was found (95 % intervals)"
     table = Table("", *columns, title=title, title_justify="left")
-    rows = [dict(_entries(stage)) for stage in diagnosis.stages]
+    rows = [{entry.label: entry for entry in entries_of(stage)} for stage in diagnosis.stages]
     group = ""
     for label in dict.fromkeys(label for row in rows for label in row):
         head = label.split()[0] if " " in label else "robot"
@@ -80,27 +85,53 @@ def parameter_table(diagnosis: Diagnosis) -> Table:
             table.add_section()
         group = head
         own = [row.get(label) for row in rows]
-        cells = ["" if entry is None else _words(*entry) for entry in own]
+        cells = ["" if entry is None else _words(entry) for entry in own]
         table.add_row(label, *cells, _change(own[0], own[-1]))
     return table
 
 
-_EntryValue = tuple[float, float, str]
+@dataclass(frozen=True, slots=True)
+class StageEntry:
+    """One number of a stage.
+
+    Attributes:
+        load: "" for the robot; letter: M, B, K, x0, or the robot parameter's name; axes: "xy", say.
+        half: of the 95 % interval; parts: of it, by cause, where that was worked out.
+    """
+
+    load: str
+    letter: str
+    axes: str
+    value: float
+    half: float
+    unit: str
+    parts: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def label(self) -> str:
+        """As a row of a table is headed."""
+        return f"{self.load} {self.letter}{self.axes}".strip()
 
 
-def _entries(stage: Stage) -> Iterator[tuple[str, _EntryValue]]:
-    """Label, and value, half interval and unit, of each number that says something of its own."""
-    halves = 0.5 * (stage.alpha.ci95[:, 1] - stage.alpha.ci95[:, 0])
+def entries_of(stage: Stage) -> Iterator[StageEntry]:
+    """Each number of a stage that says something of its own."""
+    halves = stage.alpha.half
     for name, value, half in zip(stage.alpha_names, stage.alpha.value, halves, strict=True):
-        yield name, (float(value), float(half), "")
+        yield StageEntry("", name, "", float(value), float(half), "")
     for load, numbers in stage.loads.items():
         for letter, number in numbers.items():
-            half = 0.5 * (number.ci95[..., 1] - number.ci95[..., 0])
+            causes = stage.parts.get(load, {}).get(letter, {})
             places = _own_places(number)
             for index in places:
-                axes = "".join(_AXES[k] for k in index) if len(places) > 1 else ""
-                entry = (float(number.value[index]), float(half[index]), number.unit)
-                yield f"{load} {letter}{axes}", entry
+                yield StageEntry(
+                    load,
+                    letter,
+                    "".join(_AXES[k] for k in index) if len(places) > 1 else "",
+                    float(number.value[index]),
+                    float(number.half[index]),
+                    number.unit,
+                    {cause: float(own[index]) for cause, own in causes.items()},
+                )
 
 
 def _own_places(number: Number) -> list[tuple[int, ...]]:
@@ -115,8 +146,9 @@ def _own_places(number: Number) -> list[tuple[int, ...]]:
     return places
 
 
-def _words(value: float, half: float, unit: str) -> str:
+def _words(entry: StageEntry) -> str:
     """A value to the digit that its interval lets one believe."""
+    value, half, unit = entry.value, entry.half, entry.unit
     if half > 0 and np.isfinite(half):
         digits = max(0, 1 - int(np.floor(np.log10(half))))
         text = f"{value:.{digits}f} ± {half:.{digits}f}" if digits < 8 else f"{value:.5g} ± {half:.2g}"
@@ -125,13 +157,13 @@ def _words(value: float, half: float, unit: str) -> str:
     return f"{text} {unit}".strip()
 
 
-def _change(first: _EntryValue | None, last: _EntryValue | None) -> str:
+def _change(first: StageEntry | None, last: StageEntry | None) -> str:
     if first is None or last is None:
         return "" if last is None else "new"
-    if first[0] == last[0] or abs(first[0]) < 3 * first[1]:
+    if first.value == last.value or abs(first.value) < 3 * first.half:
         return ""
-    share = 100 * (last[0] / first[0] - 1)
-    outside = abs(last[0] - first[0]) > first[1]
+    share = 100 * (last.value / first.value - 1)
+    outside = abs(last.value - first.value) > first.half
     return f"{share:+.1f} %" + (", outside the interval" if outside else "")
 
 

@@ -11,7 +11,7 @@ from impid_host.impedance.identify import LoadFit
 from impid_host.impedance.loads import Signal
 from impid_host.signals.arrays import Floats
 
-_PANELS: tuple[tuple[str, Signal, str], ...] = (
+PANELS: tuple[tuple[str, Signal, str], ...] = (
     ("Stiffness", "x", "N/m"),
     ("Damping", "v", "N s/m"),
     ("Inertia", "a", "kg"),
@@ -30,14 +30,14 @@ def ellipse(matrix: Floats, count: int = 181) -> Floats:
 
 def ellipse_figure(fits: Sequence[LoadFit], handle_mass_kg: float = 0.0) -> Figure:
     """One panel for each matrix of the model; faint lines are draws from the estimate's distribution."""
-    panels = [panel for panel in _PANELS if fits[0].model.has(panel[1])]
+    panels = [panel for panel in PANELS if fits[0].model.has(panel[1])]
     figure = Figure(figsize=(2.35 * len(panels), 2.9))
     axes = figure.subplots(1, len(panels), squeeze=False)[0]
     for panel, (title, signal, unit) in zip(axes, panels, strict=True):
         for fit, color, dashes in zip(fits, _COLORS, ("-", (0, (4, 3))), strict=False):
             own = handle_mass_kg * np.eye(2) if signal == "a" and fit.model.carries_handle else 0.0
             S = fit.model.matrix_map(signal)
-            for draw in _draws(fit):
+            for draw in draws(fit):
                 panel.plot(*ellipse((S @ draw).reshape(2, 2) - own).T, color=color, lw=0.4, alpha=0.12)
             best = (S @ fit.estimate.value).reshape(2, 2) - own
             panel.plot(*ellipse(best).T, color=color, ls=dashes, lw=1.4, label=fit.method)
@@ -52,7 +52,7 @@ def ellipse_figure(fits: Sequence[LoadFit], handle_mass_kg: float = 0.0) -> Figu
     return figure
 
 
-def _draws(fit: LoadFit) -> Floats:
+def draws(fit: LoadFit) -> Floats:
     """Parameters drawn from the estimate's t distribution, the same every time, (_DRAWS, q)."""
     estimate = fit.estimate
     rng = np.random.default_rng(0)

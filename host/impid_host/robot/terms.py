@@ -44,9 +44,10 @@ TERMS: dict[str, Term] = {
             "Fq",
             "N*m*s^2/rad^2",
             lambda _theta, omega, _acc, _dt: omega * np.abs(omega),
+            nonnegative=True,
         ),
         Term("inertia.rotor", "Ia", "kg*m^2", lambda _theta, _omega, acc, _dt: acc, nonnegative=True),
-        Term("elastic.joint", "k", "N*m/rad", lambda theta, _omega, _acc, _dt: theta),
+        Term("elastic.joint", "k", "N*m/rad", lambda theta, _omega, _acc, _dt: theta, nonnegative=True),
     )
 }
 

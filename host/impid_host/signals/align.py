@@ -27,6 +27,7 @@ from impid_host.signals.resample import (
     oversampling,
     thinned,
 )
+from impid_host.signals.systems import solved
 from impid_host.study.model import AccelerometerSetup, ForceSensor, RobotLog, Setup, Trial, TrialKind
 
 AccelerationSource = Literal["accelerometer", "angles"]
@@ -115,6 +116,8 @@ def robot_rows(log: RobotLog) -> RobotLog:
     good = np.isfinite(log.t) & np.isfinite(log.theta).all(axis=1) & np.isfinite(log.tau).all(axis=1)
     latest = np.maximum.accumulate(np.where(np.isfinite(log.t), log.t, -np.inf))
     good[1:] &= log.t[1:] > latest[:-1]
+    if good.all():
+        return log
     return RobotLog(
         t=log.t[good],
         theta=log.theta[good],
@@ -269,7 +272,7 @@ def base_frame_acceleration(
 def joint_acceleration(a: Floats, J: Floats, J_rate: Floats, omega: Floats) -> Floats:
     """[D] eq. 7, theta'' = J^-1 (x'' - J' theta'): (N, 2), (N, 2, 2) twice, (N, 2) -> (N, 2), rad/s^2."""
     remainder = a - np.einsum("kij,kj->ki", J_rate, omega)
-    result: Floats = np.linalg.solve(J, remainder[:, :, None])[:, :, 0]
+    result: Floats = solved(J, remainder[:, :, None])[:, :, 0]
     return result
 
 

@@ -13,7 +13,10 @@ from impid_host.signals.chain import PUBLISHED_CUTOFF_HZ, Chain
 RESTS = 0.01
 _MOST_OF_SPEED = 0.99  # of its power
 _HARMONICS = 2.0  # products of two signals of a band reach twice as far
-_WIDEST_HZ = 50.0
+_WIDEST_HZ = (
+    40.0  # the filter ahead of all derivatives, which torque does not pass, takes 4 % of what lies there
+)
+HIGHEST_OF_RATE = 0.4  # of a log: above, it says nothing
 _HIGHEST_HZ = 60.0  # of the filter ahead of all derivatives
 _CERTAINLY = 5.0  # times the noise's density: one period in a thousand exceeds it by chance
 _WINDOW_S = 8.0
@@ -35,7 +38,7 @@ def motion_band_hz(t: Floats, theta: Floats) -> float:
         frequency, power = signal.welch(
             speed, rate, nperseg=min(len(speed), int(_WINDOW_S * rate)), detrend=False
         )
-        power = np.maximum(power - _noise(frequency, power, min(_HIGHEST_HZ, 0.4 * rate)), 0.0)
+        power = np.maximum(power - _noise(frequency, power, min(_HIGHEST_HZ, HIGHEST_OF_RATE * rate)), 0.0)
         speeds.append(float(np.sqrt(power.sum())))
         share = np.cumsum(power) / max(float(power.sum()), 1e-300)
         bands.append(float(frequency[np.argmax(share >= _MOST_OF_SPEED)]))
@@ -53,7 +56,7 @@ def _noise(frequency: Floats, power: Floats, highest: float) -> Floats:
 
 
 def following(chain: Chain, bands_hz: Sequence[float]) -> Chain:
-    """The chain with a cut-off twice the widest of the motions' bands: 4.5 Hz at least, 50 Hz at most.
+    """The chain with a cut-off twice the widest of the motions' bands: 4.5 Hz at least, 40 Hz at most.
 
     [D] moves below 2 Hz and cuts off at 4.5 Hz.
     """

@@ -48,8 +48,12 @@ class Chain:
         """Keep one sample in so many: 2.2 per cycle of the cut-off leave filtered noise about white."""
         if self.decimate is not None:
             return self.decimate
-        cutoff = self.finish.cutoff_hz if self.finish is not None else PUBLISHED_CUTOFF_HZ
-        return max(1, int(rate_hz / (2.2 * cutoff)))
+        return max(1, int(rate_hz / (2.2 * self.cutoff_hz)))
+
+    @property
+    def cutoff_hz(self) -> float:
+        """Of the narrow filter, wherever it stands."""
+        return self.finish.cutoff_hz if self.finish is not None else PUBLISHED_CUTOFF_HZ
 
     def with_cutoff(self, cutoff_hz: float) -> "Chain":
         """The same chain with another cut-off of its narrow filter.

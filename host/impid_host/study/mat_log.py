@@ -15,11 +15,11 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import h5py
 import numpy as np
 from numpy.typing import NDArray
 
 from impid_host.errors import InputError
+from impid_host.extras import extra
 from impid_host.study.mat_child import MAX_DEPTH
 from impid_host.study.mat_inflation import inflates_beyond
 
@@ -126,6 +126,7 @@ class Hdf5Log:
 
     def __init__(self, path: Path) -> None:
         self.path = path
+        self._h5py = extra("h5py", f"{path} (MATLAB 7.3, HDF5)")
         self._datasets: dict[str, str] = {}
         self._names: list[str] = []
         self._seen: set[int] = set()
@@ -158,7 +159,7 @@ class Hdf5Log:
 
     def _opened(self) -> Any:
         try:
-            return h5py.File(self.path, "r")
+            return self._h5py.File(self.path, "r")
         except (OSError, ValueError, RuntimeError) as error:
             reason = (str(error).splitlines() or [""])[0][:120]
             remedy = "check it, or save it again with -v7.3"
@@ -167,13 +168,13 @@ class Hdf5Log:
     def _collect(self, group: Any, prefix: str, depth: int) -> None:
         """Note the numeric datasets under `group`, following only links that stay inside the file."""
         # A group may be linked into itself; each is visited once.
-        address = h5py.h5o.get_info(group.id).addr
+        address = self._h5py.h5o.get_info(group.id).addr
         if address in self._seen or len(self._seen) > _MAX_ENTRIES:
             return
         self._seen.add(address)
         try:
             for name in itertools.islice(group, _MAX_ENTRIES):
-                if name.startswith("#") or not isinstance(group.get(name, getlink=True), h5py.HardLink):
+                if name.startswith("#") or not isinstance(group.get(name, getlink=True), self._h5py.HardLink):
                     continue
                 self._collect_item(group.get(name), prefix, name, depth)
         except (OSError, ValueError, KeyError, RuntimeError, TypeError) as error:
@@ -182,13 +183,13 @@ class Hdf5Log:
 
     def _collect_item(self, item: Any, prefix: str, name: str, depth: int) -> None:
         dotted = f"{prefix}{name}"
-        if isinstance(item, h5py.Group) and depth < MAX_DEPTH:
+        if isinstance(item, self._h5py.Group) and depth < MAX_DEPTH:
             self._collect(item, f"{dotted}.", depth + 1)
-        elif not isinstance(item, h5py.Dataset) or len(self._datasets) > _MAX_ENTRIES:
+        elif not isinstance(item, self._h5py.Dataset) or len(self._datasets) > _MAX_ENTRIES:
             return
         elif "MATLAB_object_decode" in item.attrs:
             self._objects.append(dotted)
-        elif h5py.check_ref_dtype(item.dtype) is h5py.Reference:
+        elif self._h5py.check_ref_dtype(item.dtype) is self._h5py.Reference:
             # A field of an array of structures: a reference to the value of each. Cells are not followed.
             if prefix and item.attrs.get("MATLAB_class") is None and item.size <= _MAX_ENTRIES:
                 for number, reference in enumerate(item[()].ravel(), start=1):

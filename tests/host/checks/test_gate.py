@@ -2,11 +2,14 @@
 
 import numpy as np
 import pytest
-from impid_host.checks import Bounded, Check, Checks, LoadNumbers, gate
+from impid_host.checks import Bounded, Check, Checks, LoadNumbers, RobotNumbers, gate
+from impid_host.effects.catalogue import CATALOGUE
 from impid_host.impedance.matrices import Quantity
 from impid_host.robot.planar_2r_absolute import Planar2RAbsolute
+from impid_host.robot.terms import TERMS, RobotStructure, robot_structure
 
 MODEL = Planar2RAbsolute(0.254, 0.2667)
+STRUCTURE = RobotStructure(MODEL)
 ALPHA = np.array([0.08, 0.04, 0.045, 0.06, 0.07])
 THETA = np.stack([np.linspace(0.5, 1.2, 50), np.linspace(1.0, -0.6, 50)], axis=1)
 
@@ -17,8 +20,15 @@ def quantity(value, half, unit="N/m"):
     return Quantity(value, np.stack([value - half, value + half], axis=-1), unit, half / 1.96)
 
 
-def robot(alpha, sd=1e-4):
-    return gate(model=MODEL, alpha=np.asarray(alpha), covariance=sd**2 * np.eye(5), theta=THETA)
+def robot(alpha, sd=1e-4, theta=THETA):
+    numbers = RobotNumbers(
+        STRUCTURE,
+        MODEL.parameter_names,
+        np.asarray(alpha),
+        sd**2 * np.eye(5),
+        theta,
+    )
+    return gate(robot=numbers)
 
 
 def load(M=None, B=None, K=None, kind="mass-spring"):
@@ -40,12 +50,26 @@ def test_inertia_matrix_that_is_indefinite_only_where_the_robot_went():
     assert robot(alpha).impossible
     near = THETA.copy()
     near[:, 1] = near[:, 0] - 0.1
-    assert not gate(model=MODEL, alpha=np.array(alpha), covariance=np.zeros((5, 5)), theta=near).entries
+    assert not robot(alpha, theta=near).entries
 
 
 @pytest.mark.parametrize(("sd", "impossible"), [(0.02, False), (0.004, True)])
 def test_negative_friction_counts_beyond_its_interval(sd, impossible):
     assert robot([0.08, 0.04, 0.045, -0.01, 0.07], sd).impossible is impossible
+
+
+def test_a_term_beside_the_model_is_judged_on_its_own_joint():
+    structure = robot_structure(MODEL, ("friction.coulomb",))
+    value = np.append(ALPHA, [0.2, -0.3])
+    found = gate(robot=RobotNumbers(structure, structure.parameter_names, value, 1e-4 * np.eye(7), THETA))
+    assert [(entry.what, entry.where) for entry in found] == [("result.impossible", "joint2")]
+    assert "Fc2" in found.entries[0].words
+
+
+@pytest.mark.parametrize("name", ["friction.coulomb", "friction.quadratic", "elastic.joint"])
+def test_terms_of_fit_have_the_bound_of_their_row_in_the_catalogue(name):
+    declared = min(row.low for row in CATALOGUE[name].parameters if np.isfinite(row.low))
+    assert TERMS[name].nonnegative and declared == 0.0
 
 
 def test_a_spring_that_pushes_along_a_diagonal():

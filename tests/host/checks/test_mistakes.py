@@ -90,3 +90,26 @@ def test_a_small_disagreement_is_said_without_a_cause(study):
         ),
     )
     assert [entry.what for entry in check_study(wrong)] == ["methods.disagree"]
+
+
+def test_forces_that_come_late_are_told_by_how_much(study):
+    late = replace(
+        study,
+        trials=tuple(
+            replace(t, robot=replace(t.robot, force=np.roll(t.robot.force, 20, axis=0))) for t in study.trials
+        ),
+    )
+    step_s = float(np.median(np.diff(study.trials[0].robot.t)))
+    found = next(entry for entry in check_study(late) if entry.label == "methods.disagree@sensor")
+    assert found.evidence["lag_s"] == pytest.approx(20 * step_s, rel=0.1)
+    assert not any(entry.where == "sensor" for entry in check_study(study))
+
+
+def test_a_stretch_without_forces_is_no_force_of_zero(study):
+    def lost(log):
+        force = log.force.copy()
+        force[len(log) // 2 : len(log) * 2 // 3] = np.nan
+        return replace(log, force=force)
+
+    holed = replace(study, trials=tuple(replace(t, robot=lost(t.robot)) for t in study.trials))
+    assert not list(check_study(holed))

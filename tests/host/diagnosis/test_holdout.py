@@ -10,7 +10,9 @@ from impid_host.effects.view import View
 
 def trial(name: str, load: str | None = None, seconds: float = 30.0) -> View:
     t = np.arange(0.0, seconds, 0.01)
-    return cast(View, SimpleNamespace(name=name, load=load, t=t, valid=np.ones(len(t), dtype=bool)))
+    return cast(
+        View, SimpleNamespace(name=name, load=load, t=t, valid=np.ones(len(t), dtype=bool), report_hz=4.5)
+    )
 
 
 def test_of_three_trials_the_last_is_sealed_of_two_the_last_third_of_each() -> None:

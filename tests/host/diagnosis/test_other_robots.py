@@ -50,6 +50,11 @@ def test_the_generator_is_the_models_own_torque(
         (Case("planar-2r-relative", HEAVY, seed=104, accel_gain=1.02, loaded=0), ["accel.scale@x"]),
         (Case("urdf", seed=105, torque=[dry(0, 0.05)], device=False), []),
         (Case("planar-2r-relative", seed=108, free=0, force_sensor=True, device=False), []),
+        (
+            Case("planar-2r-relative", seed=107, free=0, prior=True, device=False, torque=[dry(0, 0.05)]),
+            ["friction.coulomb@joint1"],
+        ),
+        (Case("urdf", seed=106, free=0, prior=True, device=False), []),
         (Case("slide-1d", seed=110, free=1, loaded=0, device=False), []),
         (Case("joint-1d", seed=111, device=False), []),
         (Case("joint-1d", seed=112, free=0, kind="arm", device=False), []),

@@ -5,12 +5,12 @@ from typing import cast
 
 import numpy as np
 import pytest
-from impid_host.diagnosis.base import Base
+from impid_host.diagnosis.base import Base, baseline, structure_of, textbook_structure
 from impid_host.diagnosis.reference import reference_run, weighed
 from impid_host.impedance.loads import load_model
 from impid_host.robot.model import robot_model
 from impid_host.robot.terms import robot_structure
-from impid_host.study.model import RobotSetup, Study
+from impid_host.study.model import RobotSetup, Setup, Study
 
 MODEL = robot_model(RobotSetup("planar-2r-absolute", (0.254, 0.2667)))
 BASE = Base(robot_structure(MODEL), (("A", load_model("mass-spring")), ("hand", load_model("arm"))))
@@ -62,3 +62,29 @@ def test_a_prior_is_a_row_for_each_parameter_by_its_digits() -> None:
 
 def test_a_prior_of_another_robot_says_nothing() -> None:
     assert reference_run(BASE, study(prior=(0.1, 0.2))) is None
+
+
+@pytest.mark.parametrize("more", [(), (0.3, 0.2, 0.0, 0.1)])
+def test_a_prior_of_the_models_own_or_of_the_textbooks_parameters(more: tuple[float, ...]) -> None:
+    """Six parameters are the robot's; dry friction and offsets are a record's, and no reference."""
+    model = robot_model(RobotSetup("planar-2r-relative", (0.3, 0.25)))
+    base = Base(textbook_structure(model), (("A", load_model("mass-spring")),))
+    own = (0.1, 0.02, 0.05, 0.001, 0.08, 0.05)
+    run = reference_run(base, study(prior=own + more))
+    assert run is not None
+    assert np.count_nonzero(run.base, axis=1).tolist() == [1] * 6
+    assert run.target / np.diag(run.base[:, :6]) == pytest.approx(own)
+    assert reference_run(base, study(prior=own[:5])) is None
+
+
+@pytest.mark.parametrize(
+    ("prior", "given", "start"),
+    [(None, True, "textbook"), (6, False, "textbook"), (6, True, "papers"), (10, True, "textbook")],
+)
+def test_a_robot_that_is_given_is_what_the_prior_says(prior: int | None, given: bool, start: str) -> None:
+    robot = RobotSetup("planar-2r-relative", (0.3, 0.25))
+    setup = Setup(robot=robot, prior_alpha=None if prior is None else (0.1,) * prior)
+    model = robot_model(robot)
+    assert baseline(setup, model, given=given) == start
+    wanted = textbook_structure(model) if start == "textbook" else robot_structure(model)
+    assert structure_of(setup, model, given=given).parameter_names == wanted.parameter_names

@@ -75,4 +75,27 @@ def test_a_difference_is_a_sum_with_the_error_of_counting() -> None:
     by = difference(Explanation((0,), one, 2.0, np.zeros(0)), Explanation((), other, -1.0, np.zeros(0)))
     assert by.gain == pytest.approx((one - other).sum() + 3.0)
     assert by.se == pytest.approx(np.sqrt(30) * stats.tstd(one - other))
-    assert by.sigmas == pytest.approx(by.gain / by.se)
+
+
+def test_what_every_block_says_is_sure_however_unequal_they_are() -> None:
+    """Three of twenty blocks tell nearly all: their standard error is as large as half of it."""
+    level = np.zeros(20)
+    told = np.full(20, 0.5)
+    told[:3] = 80.0, 120.0, 300.0
+    by = difference(Explanation((0,), told, 0.0, np.zeros(0)), Explanation((), level, 0.0, np.zeros(0)))
+    assert by.gain < 2 * by.se
+    assert by.surely(3.0)
+    told[5] = -150.0
+    by = difference(Explanation((0,), told, 0.0, np.zeros(0)), Explanation((), level, 0.0, np.zeros(0)))
+    assert not by.surely(3.0)
+
+
+@pytest.mark.parametrize("sigmas", [1.0, 2.0, 3.0])
+def test_many_alike_blocks_are_as_sure_as_a_gaussian_says(sigmas: float) -> None:
+    blocks = np.random.default_rng(3).standard_normal(400)
+    blocks -= blocks.mean()
+    se = np.sqrt(400) * blocks.std(ddof=1)
+    none = Explanation((), np.zeros(400), 0.0, np.zeros(0))
+    for shift, sure in ((0.9, False), (1.1, True)):
+        own = Explanation((0,), blocks + shift * sigmas * se / 400, 0.0, np.zeros(0))
+        assert difference(own, none).surely(sigmas) is sure

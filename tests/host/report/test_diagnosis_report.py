@@ -19,6 +19,7 @@ from impid_host.diagnosis.result import (
     Tie,
     Trace,
 )
+from impid_host.report.check_tables import with_marks
 from impid_host.report.diagnosis_figures import draw_diagnosis
 from impid_host.report.diagnosis_json import diagnosis_json
 from impid_host.report.diagnosis_tables import effect_table, parameter_table, stage_table
@@ -141,3 +142,12 @@ def test_every_figure_is_drawn(tmp_path: Path, *, prismatic: bool) -> None:
     names = {path.name for path in drawn}
     assert names == {"diagnosis_stages.png", "diagnosis_residual_tau1.png", "diagnosis_left_1.png"}
     assert all(path.stat().st_size > 10_000 for path in drawn)
+
+
+def test_no_number_of_a_diagnosis_is_left_unmarked() -> None:
+    for table in (stage_table(answer()), effect_table(answer()), parameter_table(answer())):
+        marked = with_marks(table)
+        cells = [str(cell) for column in marked.columns[1:] for cell in column.cells]
+        numbers = [cell for cell in cells if any(c.isdigit() for c in cell)]
+        assert len(numbers) >= 4
+        assert [cell for cell in numbers if not cell.endswith("(!)")] == []

@@ -41,5 +41,5 @@ def test_a_joint_that_trembles_does_not_count() -> None:
 def test_no_cut_off_is_wider_than_the_filters_ahead() -> None:
     chain = following(DEFAULT, [45.0])
     assert isinstance(chain.finish, ZeroPhaseLowPass)
-    assert chain.finish.cutoff_hz == 50.0
+    assert chain.finish.cutoff_hz == 40.0
     assert following(PUBLISHED, []) is PUBLISHED

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from functools import partial
+from itertools import combinations
 
 import numpy as np
 
@@ -41,15 +42,19 @@ def in_every_log(study: Signals, encoder: EncoderSetup | None) -> Iterator[Hypot
                 _both_sides(encoder, joint, "zero", shift),
                 odds=1.5,
             )
-    if n == 2:
+    for i, j in combinations(range(n), 2):
+        order = [j if k == i else i if k == j else k for k in range(n)]
+        module = "" if encoder is None else f", enc{i + 1} and enc{j + 1} in device.csv"
         yield everywhere(
             "angle.swapped",
-            "joint1+joint2",
-            "the two joints are swapped in every log",
-            lambda theta: theta[:, ::-1],
-            "swap theta1 and theta2 in robot.csv, enc1 and enc2 in device.csv",
+            f"joint{i + 1}+joint{j + 1}",
+            f"joints {i + 1} and {j + 1} are swapped in every log",
+            partial(np.take, indices=order, axis=1),
+            f"swap theta{i + 1} and theta{j + 1} in robot.csv{module}",
             odds=1.0,
         )
+    if n == 2:
+        yield from _other_model(study)
         if study.model.name == "planar-2r-absolute":
             for shift in (0.0, np.pi / 2, -np.pi / 2):
                 yield everywhere(
@@ -82,6 +87,22 @@ def in_every_log(study: Signals, encoder: EncoderSetup | None) -> Iterator[Hypot
             f'{LOG}: theta = {{ column = "...", scale = {1 / factor.value:.6g} }}'
             + ("" if encoder is None else "; setup.toml: [encoder] counts_per_rev by the same factor"),
             odds=1.0,
+        )
+
+
+def _other_model(study: Signals) -> Iterator[Hypothesis]:
+    """Angles and torques both as the other of the two planar models has them."""
+    other = {"planar-2r-absolute": "planar-2r-relative", "planar-2r-relative": "planar-2r-absolute"}
+    name = other.get(study.model.name)
+    if name is not None:
+        yield Hypothesis(
+            "angle.frame",
+            "joint2",
+            f"the robot is a {name}",
+            lambda signals: signals.with_model(name),
+            f'setup.toml: [robot] model = "{name}"',
+            (Change("robot", "model", name),),
+            0.5,
         )
 
 

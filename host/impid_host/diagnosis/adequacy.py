@@ -1,0 +1,86 @@
+"""Adequacy before belief: a name stands where it took away several times all that is left beside it.
+
+Measured in the band that is reported, in units of the noise: a name that lives on a few fast instants leaves
+what a reader looks at as it was.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy import signal
+
+from impid_host.diagnosis.rows import Key, Run
+from impid_host.diagnosis.search import RULES
+from impid_host.diagnosis.table import Table, residuals
+from impid_host.effects.view import ANGLE
+from impid_host.signals.arrays import Floats
+
+REPORTED = ("torque", "force", "specific_force")
+_ORDER = 5
+_NARROWEST = 0.9  # of half the rate of the rows: a wider band is all of it
+_FREQUENCIES = 2048
+
+
+def believable(table: Table, named: Sequence[int], report_hz: float) -> list[int]:
+    """The named slots that took away `RULES.takes` times what all names leave, where they show most.
+
+    Where more is left there, the name is only what the structure resembles. Structures without a name stay
+    out of this: what they take up is left, and a flexible one would take up a name's own part with it.
+
+    Args:
+        report_hz: the highest frequency that is reported.
+    """
+    left = excess(table, named, report_hz)
+    kept = []
+    for s in named:
+        without = excess(table, [o for o in named if o != s], report_hz)
+        taken = {key: without[key] - left[key] for key in left}
+        shown = max(taken, key=lambda key: taken[key]) if taken else None
+        if shown is None or _in_angles(table, s) or taken[shown] >= RULES.takes * left[shown]:
+            kept.append(s)
+    return kept
+
+
+def excess(table: Table, slots: Sequence[int], report_hz: float) -> dict[Key, float]:
+    """Mean square that a set leaves in each channel in the band, over the noise's own, less one."""
+    taps = table.noise.taps
+    squares: dict[Key, list[float]] = {}
+    level: dict[Key, float] = {}
+    for run, innovations in zip(table.runs, residuals(table, table.columns(slots)), strict=True):
+        if run.family not in REPORTED:
+            continue
+        rows = _in_band(run, innovations, taps[run.key], report_hz)
+        squares.setdefault(run.key, []).extend((rows**2).tolist())
+        level[run.key] = noise_power(taps[run.key], 1 / run.step_s, report_hz)
+    return {key: float(np.mean(own)) / level[key] - 1.0 for key, own in squares.items()}
+
+
+def noise_power(taps: Floats, rate_hz: float, report_hz: float) -> float:
+    """Mean square of the noise below `report_hz`, of an autoregression with the given whitening taps."""
+    frequency = np.linspace(0.0, 0.5 * rate_hz, _FREQUENCIES)
+    density = 2.0 / rate_hz * np.abs(signal.freqz([1.0], taps, worN=frequency, fs=rate_hz)[1]) ** 2
+    low = _low_pass(rate_hz, report_hz)
+    passed = 1.0 if low is None else np.abs(signal.freqz_sos(low, worN=frequency, fs=rate_hz)[1]) ** 4
+    return float(np.trapezoid(density * passed, frequency))
+
+
+def _in_band(run: Run, innovations: Floats, taps: Floats, report_hz: float) -> Floats:
+    """The residual behind its innovations, without its beginning, in the band."""
+    rows: Floats = signal.lfilter([1.0], taps, innovations)
+    low = _low_pass(1 / run.step_s, report_hz)
+    if low is not None and len(rows) > 6 * _ORDER:
+        rows = signal.sosfiltfilt(low, rows)
+    return rows[len(taps) - 1 :]
+
+
+def _low_pass(rate_hz: float, report_hz: float) -> Floats | None:
+    if report_hz >= _NARROWEST * 0.5 * rate_hz:
+        return None
+    result: Floats = signal.butter(_ORDER, report_hz, fs=rate_hz, output="sos")
+    return result
+
+
+def _in_angles(table: Table, s: int) -> bool:
+    """Whether the slot shows in the angles' difference, of which no structure is sought."""
+    columns = table.columns([s])
+    return any(run.family == ANGLE and run.has(columns) for run in table.runs)

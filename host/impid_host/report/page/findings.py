@@ -1,0 +1,106 @@
+"""All that is known about a study, worked out once for the page: checks, fit, diagnosis, verdict."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+from impid_host.checks import Agreement, Checks, agreement, check_study
+from impid_host.checks.of_diagnosis import beside_diagnosis
+from impid_host.checks.of_fit import gate_fit
+from impid_host.diagnosis.diagnose import diagnose
+from impid_host.diagnosis.result import Diagnosis
+from impid_host.diagnosis.verdict import beside_checks
+from impid_host.errors import UndeterminedError
+from impid_host.impedance.campaign import Options, StudyFit, default_chain, fit_study
+from impid_host.study.model import Study
+
+Progress = Callable[[str], None]
+
+
+def _silent(_words: str) -> None:
+    return
+
+
+@dataclass(frozen=True, slots=True)
+class Findings:
+    """A study with what was found out about it.
+
+    Attributes:
+        checks: of the input and of the last result there is; fit_checks: of the first model's fit alone.
+        agreement: what was measured twice.
+        fit, diagnosis: None where the data do not determine them, or they were not asked for.
+        verdict: the opening sentence, as `diagnose` says it.
+        missing: why a part is not there, a sentence each.
+    """
+
+    study: Study
+    checks: Checks
+    fit_checks: Checks
+    agreement: Agreement | None
+    fit: StudyFit | None
+    diagnosis: Diagnosis | None
+    verdict: str
+    missing: tuple[str, ...] = ()
+
+    @property
+    def trusted(self) -> bool:
+        """Nothing is impossible or contradicts itself, and there is a result at all."""
+        return self.checks.trusted and self.fit is not None
+
+
+def gather(study: Study, progress: Progress = _silent, *, diagnosed: bool = True) -> Findings:
+    """Check, fit and diagnose a study; what its data do not determine is left out with the reason.
+
+    Args:
+        diagnosed: look for what the first model lacks; takes a minute or so.
+    """
+    progress(f"{study.name}: checking")
+    checks = check_study(study)
+    missing: list[str] = []
+    fit, twice = None, None
+    try:
+        fit = fit_study(
+            study, Options(chain=default_chain(study)), lambda words: progress(f"{study.name}: {words}")
+        )
+        twice = agreement(study, fit.loads)
+        checks = checks.with_more(gate_fit(fit)).with_more(twice.checks)
+    except UndeterminedError as error:
+        missing.append(f"Nothing could be fitted: {error}")
+    answer = None
+    if diagnosed:
+        try:
+            answer = diagnose(study, lambda words, _share: progress(f"{study.name}: {words}"))
+        except UndeterminedError as error:
+            missing.append(f"No cause was looked for: {error}")
+    else:
+        missing.append("No cause was looked for: the report was asked for without `diagnose`")
+    return _told(study, checks, twice, fit, answer, tuple(missing))
+
+
+def fitted(
+    study: Study, options: Options, checks: Checks, progress: Progress = _silent
+) -> tuple[StudyFit, Agreement, Checks]:
+    """A fit, what was measured twice, and `checks` with what physics and the second measurement say of it.
+
+    Raises:
+        UndeterminedError: as `fit_study`.
+    """
+    fit = fit_study(study, options, progress)
+    twice = agreement(study, fit.loads)
+    return fit, twice, checks.with_more(gate_fit(fit)).with_more(twice.checks)
+
+
+def _told(
+    study: Study,
+    checks: Checks,
+    twice: Agreement | None,
+    fit: StudyFit | None,
+    answer: Diagnosis | None,
+    missing: tuple[str, ...],
+) -> Findings:
+    """The verdict beside the checks: the last result decides, as in `diagnose`."""
+    if answer is None:
+        words = beside_checks("; ".join(line[:1].lower() + line[1:] for line in missing), checks)
+        return Findings(study, checks, checks, twice, fit, None, words, missing)
+    last = beside_diagnosis(study, answer, checks)
+    answer = replace(answer, verdict=beside_checks(answer.verdict, last))
+    return Findings(study, last, checks, twice, fit, answer, answer.verdict, missing)

@@ -1,0 +1,1 @@
+"""Studies side by side: one long table, changes of M, B and K, what repeats say (docs/sessions.md)."""
