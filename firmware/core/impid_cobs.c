@@ -11,8 +11,9 @@ size_t impid_cobs_encode(const uint8_t *bytes, size_t count, uint8_t *encoded) {
     bool more = true;
     while (more) {
         /* 1. A run without zero goes over as it is: this inner loop is most of what a batch costs. */
+        size_t longest = count - in < LONGEST_RUN ? count - in : LONGEST_RUN;
         size_t run = 0;
-        while (run < LONGEST_RUN && in + run < count && bytes[in + run] != 0u) {
+        while (run < longest && bytes[in + run] != 0u) {
             encoded[out + 1u + run] = bytes[in + run];
             run++;
         }
