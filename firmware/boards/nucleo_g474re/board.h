@@ -9,7 +9,8 @@
 
 #define BOARD_ID 0xA0D8BFBEu /* CRC-32 of "nucleo_g474re" */
 
-#define BOARD_SENSOR impid_adxl203_oversampled
+#define BOARD_SENSOR  impid_adxl203_oversampled
+#define BOARD_DIGITAL false /* its outputs are voltages */
 
 #define BOARD_HSE_MHZ    24u
 #define BOARD_HSE_BYPASS false /* a crystal */

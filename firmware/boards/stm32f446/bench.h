@@ -9,6 +9,7 @@
 /* `settings`: those to which the inputs return. */
 void bench_start(const impid_settings_t *settings);
 extern const impid_bench_port_t bench_port;
+#define BENCH_PORT (&bench_port)
 /* Main loop: hangs if it was told to, once the answer has left. */
 void bench_poll(void);
 

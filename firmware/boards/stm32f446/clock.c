@@ -1,6 +1,8 @@
 #include "clock.h"
 
 #include "board.h"
+#include "fault.h"
+#include "interrupts.h"
 #include "registers.h"
 
 #define HSI_MHZ 16u
@@ -98,4 +100,13 @@ bool clock_start(void) {
         RCC->CR |= RCC_CR_CSSON;
     }
     return external;
+}
+
+void clock_start_ports(void) {
+    clock_enable(&RCC->AHB1ENR, RCC_AHB1ENR_GPIOA | RCC_AHB1ENR_GPIOB | RCC_AHB1ENR_GPIOC);
+}
+
+void nmi_handler(void) {
+    RCC->CIR |= RCC_CIR_CSSC;
+    fault_stop(FAULT_CLOCK_LOST);
 }

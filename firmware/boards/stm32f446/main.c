@@ -1,22 +1,24 @@
-/* The board: brings the hardware up, gives the core its port, and runs the main loop. */
+/* The board: brings the hardware up, gives the core its port, and runs the main loop. For every chip. */
 #include "adxl355.h"
-#include "bench.h"
 #include "board.h"
 #include "can.h"
-#include "clock.h"
 #include "fault.h"
 #include "flash.h"
 #include "impid_build.h"
 #include "impid_messages.h"
 #include "inputs.h"
-#include "interrupts.h"
 #include "pin.h"
-#include "registers.h"
-#include "sampling.h"
 #include "serial.h"
-#include "slots.h"
 #include "timebase.h"
 #include "watchdog.h"
+
+/* Of the chip that is built for. */
+#include <bench.h>
+#include <clock.h>
+#include <interrupts.h>
+#include <registers.h>
+#include <sampling.h>
+#include <slots.h>
 
 /* As long as a serial line can need for what is queued, twice. */
 #define RESET_PATIENCE_TICKS 30u
@@ -80,7 +82,7 @@ static const impid_port_t port = {
 };
 
 static void set_pins_up(void) {
-    clock_enable(&RCC->AHB1ENR, RCC_AHB1ENR_GPIOA | RCC_AHB1ENR_GPIOB | RCC_AHB1ENR_GPIOC);
+    clock_start_ports();
     pin_analogue(BOARD_ACCEL_X);
     pin_analogue(BOARD_ACCEL_Y);
     pin_output(BOARD_SELF_TEST);
@@ -161,7 +163,7 @@ int main(void) {
         .external_clock_hz = clock_external_hz(),
         .log_words = FAULT_LOG_WORDS,
         .slots = &slots,
-        .bench = &bench_port,
+        .bench = BENCH_PORT,
         .trace = fault_trace(),
     };
     impid_core_init(&core, &config, &port);

@@ -1,6 +1,8 @@
 #include "clock.h"
 
 #include "board.h"
+#include "fault.h"
+#include "interrupts.h"
 #include "registers.h"
 
 #define HSI_MHZ 16u
@@ -63,4 +65,21 @@ bool clock_start(void) {
         RCC->CR |= RCC_CR_CSSON;
     }
     return external;
+}
+
+void clock_start_ports(void) {
+    clock_enable(&RCC->AHB2ENR, RCC_AHB2ENR_GPIOA | RCC_AHB2ENR_GPIOB | RCC_AHB2ENR_GPIOC);
+}
+
+/* Two things come here: the crystal has stopped, or 64 bits of flash were read whose write a power cut had
+ * torn. The latter were read by a checksum, which will not hold: the log and the slots expect such places. */
+void nmi_handler(void) {
+    if ((RCC->CIFR & RCC_CIFR_CSSF) != 0u) {
+        RCC->CICR = RCC_CICR_CSSC;
+        fault_stop(FAULT_CLOCK_LOST);
+    }
+    if ((FLASH->ECCR & (FLASH_ECCR_ECCD | FLASH_ECCR_ECCD2)) == 0u) {
+        fault_stop(FAULT_UNEXPECTED_INTERRUPT);
+    }
+    FLASH->ECCR |= FLASH_ECCR_ECCD | FLASH_ECCR_ECCD2; /* by writing 1 */
 }

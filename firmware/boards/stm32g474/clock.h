@@ -15,6 +15,13 @@
 
 /* true: runs on the external clock (25 to 50 ppm); false: on the internal one (1 %). */
 bool clock_start(void);
+/* Clocks the ports that carry pins. */
+void clock_start_ports(void);
+
+/* 0: nothing counts the external clock on this chip yet. */
+static inline uint32_t clock_external_hz(void) {
+    return 0u;
+}
 
 /* Clocks a peripheral; the read makes the first access wait until the clock is there. */
 static inline void clock_enable(reg_t *enable, uint32_t bits) {

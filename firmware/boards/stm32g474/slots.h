@@ -7,6 +7,7 @@
 #define SLOTS_H
 
 #include "impid_slots.h"
+#include "registers.h"
 
 #define SLOT_0_BASE     0x08010000u
 #define SLOT_1_BASE     0x08040000u
@@ -17,6 +18,14 @@
 static inline volatile uint32_t *slot_word(uint32_t slot, uint32_t word) {
     uint32_t bytes = word < IMPID_SLOT_IMAGE ? 8u * word : 4u * word;
     return (volatile uint32_t *)(uintptr_t)(SLOT_BASE(slot) + bytes);
+}
+
+/* The loader's: begins to write zeros over a word of a header, of an unlocked flash. */
+static inline void slot_clear_word(volatile uint32_t *place) {
+    FLASH->CR = FLASH_CR_PG;
+    place[0] = 0u;
+    __asm volatile("isb" ::: "memory");
+    place[1] = 0u; /* 64 bits at a time */
 }
 
 #endif
