@@ -12,8 +12,10 @@ BOARDS = ROOT / "firmware" / "boards"
 class Header:
     """registers.h of a port, and the port's sources."""
 
-    def __init__(self, port: str) -> None:
+    def __init__(self, port: str, shared: tuple[Path, ...] = ()) -> None:
+        """`shared`: sources of another port that are built for this one too."""
         self.port = BOARDS / port
+        self._shared = shared
         self.text = (self.port / "registers.h").read_text(encoding="utf-8")
         # Macros that stand for registers: name, type of what is there.
         self.blocks = dict(
@@ -26,8 +28,9 @@ class Header:
         self._values: dict[str, int] | None = None
 
     def sources(self) -> dict[str, str]:
-        """Every source of the port by its name."""
-        return {path.name: path.read_text(encoding="utf-8") for path in self.port.glob("*.[ch]")}
+        """Every source that is built for the port, by its name."""
+        paths = [*self.port.glob("*.[ch]"), *self._shared]
+        return {path.name: path.read_text(encoding="utf-8") for path in paths}
 
     def members(self, type_name: str) -> list[str]:
         """Members of a register struct that are registers, arrays as `S[1]`: their second element."""
@@ -67,7 +70,9 @@ class Header:
 
 
 F446 = Header("stm32f446")
-G474 = Header("stm32g474")
+# As platformio.ini names them.
+SHARED = re.findall(r"\+<boards/(stm32f446/\w+\.c)>", (ROOT / "platformio.ini").read_text(encoding="utf-8"))
+G474 = Header("stm32g474", tuple(BOARDS / name for name in SHARED))
 # What the tests of the first board ask.
 PORT, TEXT, BLOCKS = F446.port, F446.text, F446.blocks
 members, values = F446.members, F446.values
