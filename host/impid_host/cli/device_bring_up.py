@@ -83,7 +83,7 @@ def bring_up_command(*, port: str, baud: int | None, minutes: float, out: Path |
         if not board.knows_bench:
             raise LinkError(
                 f"{client.name}: this board's firmware has no bench test, so nothing was measured; "
-                "update it if it is older than BENCH (docs/hardware.md; on the Nucleo-G474RE there is none yet)"
+                "update it if it is older than that (the Nucleo-G474RE has none yet)"
             )
         for result in bring_up(board, _Asking(), address.open, minutes):
             results.append(result)
