@@ -5,7 +5,7 @@ BIN    := $(VENV)/bin
 STAMP  := $(VENV)/.installed
 C_SOURCES := $(wildcard firmware/core/*.[ch] firmware/generated/*.[ch] firmware/boards/native/*.[ch] hil_sim/plant/*.[ch] hil_sim/board/elf/*.[ch])
 
-.PHONY: help setup demo test lint firmware test-python test-firmware validate clean
+.PHONY: help setup demo docs test lint firmware test-python test-firmware validate clean
 
 help: ## print this list
 	@grep -E '^[a-z-]+:.*## ' $(firstword $(MAKEFILE_LIST)) | sed -E 's/^([a-z-]+):.*## /  make \1\t/' | expand -t 24
@@ -26,6 +26,10 @@ setup: $(STAMP) ## make the virtual environment with everything in it
 
 demo: $(STAMP) ## record, sync, fit and plot on the simulator
 	@PATH="$(CURDIR)/$(BIN):$$PATH" scripts/demo.sh
+
+docs: $(STAMP) ## build the documentation site into build/site
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --quiet
+	@echo "open build/site/index.html"
 
 test: lint test-firmware test-python ## everything that must pass
 
@@ -54,6 +58,7 @@ test-python: $(STAMP)
 
 validate: $(STAMP) ## the long forms, with their figures written to docs/validation (several hours)
 	@PATH="$(CURDIR)/$(BIN):$$PATH" scripts/validate_recording.sh
+	$(BIN)/pytest -m slow -q
 	scripts/firmware_fuzz.sh -max_total_time=60
 	$(BIN)/python bench/firmware_mutants.py run --jobs 2 --lists board --markdown docs/validation/mutants.md
 	$(BIN)/python bench/firmware_mutants.py run --jobs 2 --lists life --markdown docs/validation/mutants_life.md

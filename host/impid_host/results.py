@@ -108,20 +108,7 @@ class Fitted:
 
     def to_dict(self) -> Json:
         """What `impid-host fit --json` writes, format impid-fit/1."""
-        own = self.result
-        document = fit_json(
-            own.study,
-            own.chain,
-            own.trials,
-            own.robot,
-            own.loads,
-            spectral=own.spectral,
-            partial=own.partial,
-            cutoff_hz=own.cutoff_hz,
-            forces=own.forces,
-            checks=self.checks,
-            measured_twice=self.agreement,
-        )
+        document = fit_json(self.result, checks=self.checks, measured_twice=self.agreement)
         return document | sessions_json(self.study)
 
     def summary(self) -> str:

@@ -251,7 +251,7 @@ def test_a_stalled_line_delays_and_a_slow_reader_loses(scenario_file, tmp_path):
     _, begin_us = truth_of(truth_path)
     since = (got.t_us[0] - begin_us) / 1e6 + 1e-3 * (gone - int(got.seq[0]))
     assert since.min() > 1.5
-    assert since.max() < 2.0
+    assert since.max() < 2.0 + 0.01  # the batch of ten in which the fault ends is lost whole
 
 
 @pytest.mark.parametrize("carrier", ["pty", "tcp"])

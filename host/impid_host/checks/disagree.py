@@ -60,7 +60,7 @@ def disagreements(study: Signals, fit: JointFit, motions: Motions, setup: Setup)
         if robot is not None:
             found = force.force_map(study, motions, robot, study.force_frame)
             yield from _forces(found)
-            yield from _late_force(force_lag(study, motions, robot), setup)
+            yield from _late_force(force_lag(study, motions, robot))
             yield from _force_zero(study, found)
     yield from _angles(fit)
     yield from _unexplained(study, fit)
@@ -96,19 +96,17 @@ def _forces(found: AxisMap | None) -> Iterator[Check]:
         )
 
 
-def _late_force(lag: Lag | None, setup: Setup) -> Iterator[Check]:
+def _late_force(lag: Lag | None) -> Iterator[Check]:
     """Damping by Method 2 is off by K times the lag, which the readings' own noise does not tell."""
     if lag is None or abs(lag.seconds) < max(_LAG_S, _LAG_SIGMAS * lag.sd):
         return
     late = "late" if lag.seconds > 0 else "early"
-    told = setup.force_sensor.timing == "instant"
-    why = " (read in one instant, as [force_sensor] timing says)" if told else ""
     yield Check(
         "methods.disagree",
         "sensor",
         "suspect",
         f"the force sensor is {1e3 * abs(lag.seconds):.2f} +- {1.96e3 * lag.sd:.2g} ms {late} against the "
-        f"torques{why}: by Method 2 damping is off by K times that",
+        f"torques: by Method 2 damping is off by K times that",
         {"lag_s": lag.seconds, "standard_error_s": lag.sd},
         "take B from Method 1, or run `impid-host diagnose` (force.delay); log means over the sample period",
     )

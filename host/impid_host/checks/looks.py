@@ -7,6 +7,7 @@ import numpy as np
 from impid_host.checks.axes import axis_map
 from impid_host.checks.check import Check
 from impid_host.checks.equations import Motions, low, turned
+from impid_host.checks.force_instant import force_instants
 from impid_host.checks.signals import Signals, jumps
 from impid_host.samples import DeviceSamples
 from impid_host.signals.align import robot_rows
@@ -32,6 +33,7 @@ def looks(study: Study, signals: Signals, motions: Motions) -> Iterator[Check]:
     yield from _resting(study, signals)
     yield from _repeated(study)
     yield from _times(study, signals)
+    yield from force_instants(study)
 
 
 def flat_share(values: Floats) -> float:

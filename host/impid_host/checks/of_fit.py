@@ -3,10 +3,12 @@
 from collections.abc import Iterable, Iterator
 
 import numpy as np
+from numpy.typing import NDArray
 
 from impid_host.checks.check import Check, Checks
 from impid_host.checks.gate import LoadNumbers, RobotNumbers, gate
 from impid_host.checks.of_effects import bounded
+from impid_host.checks.physics import UNDRIVEN
 from impid_host.diagnosis.result import Chosen
 from impid_host.impedance.campaign import StudyFit
 from impid_host.impedance.identify import RobotFit
@@ -68,9 +70,16 @@ def _negative(result: StudyFit) -> Iterator[Check]:
                 where = f"{fit.load} ({_METHODS[fit.method]})+{axis}"
                 yield _worse(where, f"{fit.load} along {axis}, {_METHODS[fit.method]}", float(vaf))
     if isinstance(result.robot, RobotFit):
+        driven = _driven(result)
         for joint, vaf in enumerate(result.robot.vaf):
-            if vaf < _NEGATIVE:
+            if vaf < _NEGATIVE and driven[joint]:
                 yield _worse(f"joint{joint + 1}", f"the robot's torque on joint {joint + 1}", float(vaf))
+
+
+def _driven(result: StudyFit) -> NDArray[np.bool_]:
+    """The joints, (n,), whose torque varies: of a free joint's constant nothing can be explained."""
+    spread = np.max([np.std(trial.tau[trial.valid], axis=0) for trial in result.trials], axis=0)
+    return np.asarray(spread > UNDRIVEN * spread.max())
 
 
 def _worse(where: str, what: str, vaf: float) -> Check:

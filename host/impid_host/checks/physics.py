@@ -18,6 +18,8 @@ MATTERS = 0.05
 HEAVIEST_KG = 300.0
 LIGHTEST_KG = 0.003
 STIFFEST_N_M = 1e6
+# A joint whose torque varies by less than this share of the others' has no drive, and its row may be nothing.
+UNDRIVEN = 1e-9
 _NORMAL = 1.96
 
 
@@ -112,8 +114,9 @@ def _robot_violations(study: Signals, motions: Motions, numbers: Numbers) -> Ite
     if model.joints == len(model.task_axes) and ok:
         J = np.concatenate([motion.J_at for motion in all_motions])
         reach2 = np.maximum(np.sum(J**2, axis=1), 1e-12)
-        heavy = float(np.median(diagonal / reach2, axis=0).max())
-        light = float(np.median(diagonal / reach2, axis=0).min())
+        spread = np.max([np.std(low(trial.torque), axis=0) for trial in free], axis=0)
+        weights = np.median(diagonal / reach2, axis=0)[spread > UNDRIVEN * spread.max()]
+        heavy, light = (float(weights.max()), float(weights.min())) if len(weights) else (0.0, 0.0)
         if heavy > HEAVIEST_KG or 0 < light < LIGHTEST_KG:
             yield Violation(
                 "size",

@@ -25,6 +25,7 @@ from impid_host.signals.counts import (
     unwrap_counts,
     usable_samples,
 )
+from impid_host.signals.force_timing import as_means
 from impid_host.study.model import EncoderSetup, RobotLog, RobotSetup, Setup, Study, Trial
 
 RATE_HZ = 50.0
@@ -205,7 +206,7 @@ def _counted(run: ModuleSamples, encoder: EncoderSetup, wraps: list[tuple[str, i
 
 
 def _slow(trial: Trial, setup: Setup) -> TrialSignals | None:
-    log = with_forces(unbroken(robot_rows(trial.robot)))
+    log = as_means(with_forces(unbroken(robot_rows(trial.robot))), setup.force_sensor)
     if len(log) < 40:
         return None
     t = log.t - log.t[0]

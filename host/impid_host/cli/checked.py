@@ -51,7 +51,18 @@ def refused(study: Study, checks: Checks, error: UndeterminedError, json_to: str
             Path(json_to).write_text(text + "\n", encoding="utf-8")
     if json_to != "-":
         print_above(table_console(), checks)
+    reason = after_mistakes(str(error), checks)
     if checks.impossible:
-        click.echo(f"impid-host: {error}", err=True)
+        click.echo(f"impid-host: {reason}", err=True)
         raise SystemExit(IMPOSSIBLE) from None
-    raise error
+    raise UndeterminedError(reason) from error
+
+
+def after_mistakes(reason: str, checks: Checks) -> str:
+    """Why a fit refuses, with the mistakes that were named as what to mend in place of general advice."""
+    grave = [one for one in checks if one.verdict != "suspect" and not one.what.endswith("disagree")]
+    causes = [one for one in grave if one.what.split(".")[0] not in ("result", "vaf")]
+    named = [f"{one.what}@{one.where}" if one.where else one.what for one in causes]
+    if not named:
+        return reason
+    return f"{reason.partition(';')[0]}; mend {' or '.join(named)} first, as said above"

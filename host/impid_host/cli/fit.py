@@ -254,20 +254,10 @@ def _show(answer: _Answer, extras: _Extras, assumption: str) -> None:
 
 
 def _document(answer: _Answer, extras: _Extras) -> Json:
-    result = answer.result
     document = fit_json(
-        result.study,
-        result.chain,
-        result.trials,
-        result.robot,
-        result.loads,
-        spectral=result.spectral,
+        answer.result,
         constrained=extras.tight,
         joints=extras.joints,
-        partial=result.partial,
-        cutoff_hz=result.cutoff_hz,
-        forces=result.forces,
-        physical=result.physical,
         checks=answer.checks,
         measured_twice=answer.measured_twice,
     )

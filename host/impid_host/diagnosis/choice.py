@@ -3,13 +3,13 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from impid_host.diagnosis.adequacy import believable
+from impid_host.diagnosis.adequacy import believable, excess
 from impid_host.diagnosis.case import Case, Progress, informed, silent, tabulated
 from impid_host.diagnosis.confidence import confidence_of
 from impid_host.diagnosis.correct import corrected
 from impid_host.diagnosis.events import Event, events
-from impid_host.diagnosis.leftover import changes, left_over
-from impid_host.diagnosis.refit import refit
+from impid_host.diagnosis.leftover import changes, left_over, resemblance
+from impid_host.diagnosis.refit import Refit, refit
 from impid_host.diagnosis.result import Chosen, Evidence, Rival, Structure
 from impid_host.diagnosis.score import Explanation, difference
 from impid_host.diagnosis.search import Found, Walk, search
@@ -20,6 +20,7 @@ from impid_host.effects.effect import Kind, Term, no_gate
 _MARGIN_S = 1.0  # left out around an event
 _LARGE = 1.0  # an effect that lowers a channel's mean squared innovation by so many times the noise's
 _AGAIN = 2
+_BELOW = -0.25  # of the noise's mean square in the band: less is left only if the noise was overestimated
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,7 +31,8 @@ class Choice:
         case: without the events in its fit part.
         best: the set, of the walk's table; named, unnamed: its slots.
         left: what has no name; pushed: stretches that the fit part does without.
-        rejected: labels of names beside which too much is left, or that are less likely than not.
+        resembled: names beside which too much is left, or that are not likely, with their values: they may
+            serve prediction, and are no cause.
     """
 
     case: Case
@@ -40,7 +42,7 @@ class Choice:
     unnamed: tuple[int, ...]
     left: tuple[Structure, ...]
     pushed: tuple[Event, ...]
-    rejected: tuple[str, ...] = ()
+    resembled: tuple[Chosen, ...] = ()
 
     @property
     def table(self) -> Table:
@@ -63,8 +65,30 @@ def chosen(case: Case, progress: Progress = silent) -> Choice:
         case = replace(case, holdout=holdout)
         case = replace(case, views=tuple(informed(case.views, case.base, holdout)))
         found = search(tabulated(case), sometimes=case.setting.both)
-    found = _sharpened(case, found)
+    found = _sharpened(case, _above_its_noise(case, found))
     return _adequate(case, found, tuple(pushed))
+
+
+def _above_its_noise(case: Case, found: Found) -> Found:
+    """The search once more, where the first took what it then found for noise.
+
+    An effect that the saturated regression does not hold at its own shape is noise until it has been found:
+    what is left beside it is then less than the noise, and anything small looks as if it belonged there.
+    """
+    named = [s for s in found.best.slots if found.table.term(s).named]
+    left = excess(found.table, named, case.views[0].report_hz)
+    if not named or min(left.values(), default=0.0) > _BELOW:
+        return found
+    noise = tabulated(_without(case, found, named)[1]).noise
+    return search(tabulated(case, noise), sometimes=case.setting.both)
+
+
+def _without(case: Case, found: Found, slots: Sequence[int]) -> tuple[Refit, Case]:
+    """Some of the best set refitted, and the study as it would be without them."""
+    parts = zip(chosen_slots(found.table, found.best), found.best.slots, strict=True)
+    fit = refit(case, [part for part, s in parts if s in slots], found.table.noise.taps)
+    views = informed([corrected(v, fit.chosen) for v in fit.views], case.base, case.holdout)
+    return fit, replace(case, views=tuple(views))
 
 
 def _sharpened(case: Case, found: Found) -> Found:
@@ -76,16 +100,7 @@ def _sharpened(case: Case, found: Found) -> Found:
         large = [s for s in found.best.slots if _is_large(found, s)]
         if not large or len(found.best.slots) < 2:
             return found
-        picked = [
-            part
-            for part, s in zip(chosen_slots(found.table, found.best), found.best.slots, strict=True)
-            if s in large
-        ]
-        fit = refit(case, picked, found.table.noise.taps)
-        cleaned = replace(
-            case,
-            views=tuple(informed([corrected(v, fit.chosen) for v in fit.views], case.base, case.holdout)),
-        )
+        fit, cleaned = _without(case, found, large)
         table, given = tabulated(cleaned, found.table.noise), []
         for part in fit.chosen:
             # What is left to the effect once it is taken out is a small correction, of either sign.
@@ -140,13 +155,16 @@ def _adequate(case: Case, found: Found, pushed: tuple[Event, ...]) -> Choice:
     kept = believable(table, named, case.views[0].report_hz)
     # Of what these data cannot tell apart one may be right although none is likely by itself.
     groups = {own.slot: (own.slot, *own.others) for own in rivals(walk, best)}
-    kept = [s for s in kept if probability(walk, groups[s]) > walk.rules.probable]
-    rejected = tuple(table.term(s).label for s in named if s not in kept)
+    kept = [s for s in kept if probability(walk, groups[s]) > walk.rules.likely]
+    values = dict(zip(best.slots, chosen_slots(table, best), strict=True))
+    rejected = [s for s in named if s not in kept]
+    alike = [resemblance(table, named, s) for s in rejected]
     if rejected:
         best = walk.score(tuple(s for s in best.slots if s in kept or s in unnamed))
         unnamed = [s for s in best.slots if not table.term(s).named]
-    left = left_over(table, kept, unnamed, case.fit_views)
-    return Choice(case, walk, best, tuple(kept), tuple(unnamed), left, pushed, rejected)
+    left = (*left_over(table, kept, unnamed, case.fit_views), *alike)
+    resembled = tuple(values[s] for s in rejected)
+    return Choice(case, walk, best, tuple(kept), tuple(unnamed), left, pushed, resembled)
 
 
 def probability(walk: Walk, slots: Sequence[int]) -> float:

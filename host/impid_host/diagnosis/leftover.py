@@ -46,6 +46,16 @@ def changes(table: Table, slots: Sequence[int], s: int) -> dict[str, float]:
     return {name: max(before[name] - after[name], 0.0) for name in after}
 
 
+def resemblance(table: Table, named: Sequence[int], s: int) -> Structure:
+    """A name that is no cause, as an entry of what is unexplained."""
+    before = power_by_channel(table, [o for o in named if o != s])
+    less = changes(table, named, s)
+    on = max(less, key=lambda name: less[name])
+    none = np.zeros((0, 2))
+    words = f"{on} resembles {table.term(s).label}, but no more than it resembles other things"
+    return Structure("time", on, less[on] / max(before[on], 1e-300), none, none, words)
+
+
 def odd_structures(oddities: Sequence[Oddity]) -> list[Structure]:
     """Rows that were left out before any model was asked, as entries of what is unexplained."""
     none = np.zeros((0, 2))

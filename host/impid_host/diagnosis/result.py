@@ -185,7 +185,7 @@ class Floor:
 
 @dataclass(frozen=True, slots=True)
 class Trace:
-    """The residual of one channel along one trial, every 10 ms.
+    """The residual of one channel along one trial, about every 10 ms.
 
     Attributes:
         t: s, (N,); held_out: rows that took no part, (N,).

@@ -32,8 +32,8 @@ class Rules:
             term leaves so much.
         beam: sets carried along; contenders: terms tried on each; most: terms in a set.
         takes: a name must take away so many times what is left above the noise: it halves the rms.
-        probable: a name, with all that these data cannot tell from it, must be at least so probable.
-        likely: a name that others could replace must be so probable by itself, or the tie stays open.
+        likely: a name, with all that these data cannot tell from it, must be so probable; where it is so only
+            together with them, the tie stays open.
     """
 
     sigmas: float = 3.0
@@ -48,7 +48,6 @@ class Rules:
     contenders: int = 8
     most: int = 7
     takes: float = 3.0
-    probable: float = 0.5
     likely: float = 0.7
 
 

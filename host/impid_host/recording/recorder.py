@@ -317,7 +317,7 @@ class Recorder:
         return status
 
     def _stop_patiently(self, report: Callable[[Progress], None]) -> Response:
-        """Its count closes the books: a board that is gone just now is waited for as for its samples.
+        """Its count closes the books: a board that is gone or silent is waited for as for its samples.
 
         Raises:
             LinkError: it did not come back in time.
@@ -327,8 +327,10 @@ class Recorder:
             try:
                 return self._client.stop()
             except LinkError as error:
-                if time.monotonic() - began >= self._patience_s or self._open_link is None:
+                if time.monotonic() - began >= max(self._patience_s, self._silence_s):
                     raise
+                if self._patience_s == 0.0 or self._open_link is None:
+                    continue  # what cannot be opened again is asked again
                 self.note("disconnected", reason=str(error))
             report(self._progress())
             with suppress(LinkError):

@@ -7,6 +7,7 @@ import numpy as np
 
 from impid_host.checks import Agreement, Checks
 from impid_host.clock.robot import RobotClockFit
+from impid_host.impedance.campaign import StudyFit
 from impid_host.impedance.constrained import Constrained
 from impid_host.impedance.force import ForceComparison
 from impid_host.impedance.identify import LoadFit, RobotFit, RobotParameters
@@ -17,7 +18,6 @@ from impid_host.impedance.periodic import Periodic
 from impid_host.impedance.physical import PhysicalRobot
 from impid_host.impedance.stochastic import SpectralFit, quantities_of
 from impid_host.robot.model import LINK
-from impid_host.signals.align import AlignedTrial
 from impid_host.signals.arrays import Floats
 
 Json = dict[str, Any]
@@ -25,45 +25,36 @@ _METHODS = {"virtual sensor": "method1", "physical sensor": "method2"}
 
 
 def fit_json(
-    study: str,
-    chain: str,
-    trials: Sequence[AlignedTrial],
-    robot: RobotFit | RobotParameters,
-    loads: Sequence[LoadFit],
+    fit: StudyFit,
     *,
-    spectral: Sequence[SpectralFit] = (),
     constrained: Sequence[Constrained] = (),
     joints: Sequence[JointImpedance] = (),
-    partial: Sequence[PartialLoadFit] = (),
-    cutoff_hz: float | None = None,
-    forces: Sequence[ForceComparison] = (),
-    physical: PhysicalRobot | None = None,
     checks: Checks | None = None,
     measured_twice: Agreement | None = None,
 ) -> Json:
     """The result of `fit`, format impid-fit/1. SI units; vectors [x, y], matrices [[xx, xy], [yx, yy]]."""
     by_load: dict[str, Json] = {}
-    for fit in loads:
-        by_load.setdefault(fit.load, {"model": fit.model.name})[_METHODS[fit.method]] = _load(fit)
-    for some in partial:
+    for load in fit.loads:
+        by_load.setdefault(load.load, {"model": load.model.name})[_METHODS[load.method]] = _load(load)
+    for some in fit.partial:
         by_load.setdefault(some.load, {"model": some.model.name})[_METHODS[some.method]] = _partial(some)
-    for shaken in spectral:
+    for shaken in fit.spectral:
         by_load[shaken.load].setdefault("spectral", {})[_METHODS[shaken.method]] = _spectral(shaken)
     for tight in constrained:
         by_load[tight.load].setdefault("constrained", {})[_METHODS[tight.method]] = _constrained(tight)
     for joint in joints:
         by_load[joint.load].setdefault("joint_space", {})[_METHODS[joint.method]] = _joint(joint)
-    for compared in forces:
+    for compared in fit.forces:
         by_load.setdefault(compared.load, {})["virtual_against_physical_force"] = _force(compared)
     return {
         "format": "impid-fit/1",
-        "study": study,
+        "study": fit.study,
         **({} if checks is None else checks.to_dict()),
         **(
             {} if measured_twice is None else {"agreement": [pair.to_dict() for pair in measured_twice.pairs]}
         ),
-        "chain": chain,
-        "cutoff_Hz": cutoff_hz,
+        "chain": fit.chain,
+        "cutoff_Hz": fit.cutoff_hz,
         "trials": [
             {
                 "name": trial.name,
@@ -73,9 +64,9 @@ def fit_json(
                 "usable_share": float(trial.valid.mean()),
                 "clock": None if trial.clock is None else clock_json(trial.clock),
             }
-            for trial in trials
+            for trial in fit.trials
         ],
-        "robot": _robot(robot, physical),
+        "robot": _robot(fit.robot, fit.physical),
         "loads": by_load,
     }
 

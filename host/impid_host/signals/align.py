@@ -16,6 +16,7 @@ from impid_host.samples import ModuleSamples, rows_of
 from impid_host.signals.arrays import Floats, Mask
 from impid_host.signals.chain import Chain, erode
 from impid_host.signals.counts import has_angles, joint_angles, longest_run, specific_force, usable_samples
+from impid_host.signals.force_timing import as_means
 from impid_host.signals.resample import (
     SHORTEST_S,
     Grid,
@@ -220,7 +221,7 @@ def raw_signals(trial: Trial, setup: Setup, widest_s: float | None = None) -> Ra
     """
     try:
         if trial.device is None:
-            return _on_robot_clock(trial)
+            return _on_robot_clock(trial, setup)
         return _on_device_clock(trial, trial.device, setup, widest_s)
     except UndeterminedError as error:
         text = str(error)
@@ -283,7 +284,7 @@ def _run(device: ModuleSamples) -> ModuleSamples:
 
 
 def _on_device_clock(trial: Trial, device: ModuleSamples, setup: Setup, widest_s: float | None) -> RawSignals:
-    run, log = _run(device), robot_rows(trial.robot)
+    run, log = _run(device), as_means(robot_rows(trial.robot), setup.force_sensor)
     clock = match_trial(trial, setup, widest_s) if has_angles(run) else None
     t_device = run.t_us.astype(np.float64) * 1e-6
     t_robot = log.t if clock is None else clock.to_device(log.t)
@@ -329,8 +330,8 @@ def _module_on_grid(
     return together[:, :-2], together[:, -2:]
 
 
-def _on_robot_clock(trial: Trial) -> RawSignals:
-    log = robot_rows(trial.robot)
+def _on_robot_clock(trial: Trial, setup: Setup) -> RawSignals:
+    log = as_means(robot_rows(trial.robot), setup.force_sensor)
     grid = common_grid(log.t[0], log.t[-1], nominal_rate(log.t))
     on_robot = _RobotOnGrid(log, log.t, grid)
     return RawSignals(

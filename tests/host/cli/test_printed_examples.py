@@ -14,22 +14,6 @@ from impid_host.study.folder import read_study
 ROOT = Path(__file__).resolve().parents[3]
 
 
-def test_the_steps_of_the_readme(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """All but the last, `diagnose`, whose tests stand elsewhere: it takes as long as all others together."""
-    text = (ROOT / "README.md").read_text(encoding="utf-8")
-    block = re.search(r"These lines run as they stand.*?```\n(.*?)```", text, re.DOTALL)
-    assert block is not None
-    commands = [shlex.split(line, comments=True) for line in block[1].splitlines()]
-    assert commands[-1][:2] == ["impid-host", "diagnose"]
-    monkeypatch.chdir(tmp_path)
-    for command in commands[:-1]:
-        assert command[0] == "impid-host"
-        done = CliRunner().invoke(cli, command[1:])
-        assert done.exit_code == 0, (command, done.output, done.exception)
-    assert [trial.kind for trial in read_study(tmp_path / "study").trials] == ["free", "mass-spring"]
-    assert list((tmp_path / "figures").glob("*.png"))
-
-
 def test_the_example_of_import(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The mapping that --help names takes the variables of the published file (docs/data.md)."""
     shown = CliRunner().invoke(cli, ["import", "--help"]).output

@@ -1,12 +1,14 @@
 """The command protocol against the firmware core, over a pseudo-terminal."""
 
+import time
+
 import pytest
 from cobs import cobs
 from impid_host.clock.device import ClockExchange, fit_clock
 from impid_host.errors import LinkError
-from impid_host.link.client import BoardClient
+from impid_host.link.client import TIMEOUT_S, TRIES, BoardClient
 from impid_host.link.port import Chunk, SerialLink
-from impid_host.wire.messages import KIND, choices
+from impid_host.wire.messages import ITEM, KIND, choices
 from impid_host.wire.records import Decoded
 
 
@@ -74,6 +76,33 @@ def test_lost_requests_and_answers_are_repeated_without_repeating_the_action(boa
         vanish[0] = 4
         with pytest.raises(LinkError, match="no answer to STOP after 4 tries"):
             client.stop()
+
+
+def test_an_answer_that_stands_in_line_behind_samples_is_waited_for(board) -> None:
+    """A busy machine takes samples in late, and the answer after them: all tries were sent long before it."""
+    kept, rest, free_at = [b""], [b""], [float("inf")]
+
+    def hold_answers(data: bytes) -> bytes:
+        passed = b""
+        *frames, rest[0] = (rest[0] + data).split(b"\0")
+        for frame in frames:
+            if frame and cobs.decode(frame)[0] == KIND["RESPONSE"]:
+                kept[0] += frame + b"\0"
+            else:
+                passed += frame + b"\0"
+        if time.monotonic() >= free_at[0]:
+            passed, kept[0] = passed + kept[0], b""
+        return passed
+
+    with SerialLink.open(board.port) as link:
+        client = BoardClient(link)
+        client.start()
+        began = time.monotonic()
+        free_at[0], board.mangle = began + 1.5 * TRIES * TIMEOUT_S, hold_answers
+        assert client.request("INFO", ITEM["BOOT_ID"]).value == 77
+        assert time.monotonic() >= free_at[0]
+        board.mangle = lambda data: data
+        client.stop()
 
 
 def test_refusals_are_named(board) -> None:
