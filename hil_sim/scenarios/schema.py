@@ -62,11 +62,18 @@ class SetupAccelerometer(_Table):
 
     part: str = "ADXL203"
     vref_V: Positive
-    full_scale_code: Literal[65536] = 65536
+    full_scale_code: Literal[65536, 16777216] = 65536
     zero_g_V: Pair
     sensitivity_V_per_g: PositivePair
     mount: Literal["link2", "fixed"] = "link2"
     mount_angle_rad: float = 0.0
+
+    @model_validator(mode="after")
+    def _width_fits_part(self) -> "SetupAccelerometer":
+        expected = 16777216 if self.part == "ADXL355" else 65536
+        if self.full_scale_code != expected:
+            raise ValueError(f"full_scale_code of the part {self.part} is {expected}: correct one of them")
+        return self
 
 
 class SetupHandle(_Table):
