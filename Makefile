@@ -42,7 +42,7 @@ lint: $(STAMP)
 	scripts/check_firmware.sh
 	scripts/firmware_check.sh
 
-firmware: $(STAMP) ## build both boards and print sizes and stack against their budgets
+firmware: $(STAMP) ## build all boards and print sizes and stack against their budgets
 	scripts/system_packages.sh
 	scripts/firmware_build.sh
 
@@ -60,7 +60,8 @@ validate: $(STAMP) ## the long forms, with their figures written to docs/validat
 	@PATH="$(CURDIR)/$(BIN):$$PATH" scripts/validate_recording.sh
 	$(BIN)/pytest -m slow -q
 	scripts/firmware_fuzz.sh -max_total_time=60
-	$(BIN)/python bench/firmware_mutants.py run --jobs 2 --markdown docs/validation/mutants.md
+	$(BIN)/python bench/firmware_mutants.py run --jobs 2 --lists board --markdown docs/validation/mutants.md
+	$(BIN)/python bench/firmware_mutants.py run --jobs 2 --lists life --markdown docs/validation/mutants_life.md
 	$(BIN)/python scripts/validate/first_paper.py
 	$(BIN)/python scripts/validate/tables_residual.py
 	$(BIN)/python bench/cutoff.py 30 --markdown docs/validation/cutoff.md

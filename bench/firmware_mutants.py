@@ -1,6 +1,6 @@
 """Mutation test of the firmware's hardware code: single mistakes, each built, flashed into the emulator and run.
 
-    .venv/bin/python bench/firmware_mutants.py run --jobs 2 --markdown docs/validation/mutants.md
+    .venv/bin/python bench/firmware_mutants.py run --jobs 2 --lists board --markdown docs/validation/mutants.md
     .venv/bin/python bench/firmware_mutants.py run --only DDS
     .venv/bin/python bench/firmware_mutants.py judge .pio/build/nucleo_f446re/firmware.elf nucleo
 
@@ -35,17 +35,18 @@ def main() -> None:
 @main.command()
 @click.argument("image", type=click.Path(exists=True, dir_okay=False, path_type=Path))
 @click.argument("board", type=click.Choice(list(WIRINGS)))
-def judge(image: Path, board: str) -> None:
+@click.option("--of-list", default="", help="The checks for the mistakes of this list first.")
+def judge(image: Path, board: str, of_list: str) -> None:
     """Prints the first check that a binary fails; exit status 1 if there is one."""
-    failure = first_failure(image, WIRINGS[board])
+    failure = first_failure(image, WIRINGS[board], of_list)
     print(failure or f"passes all {len(CHECKS)} checks")
     sys.exit(failure is not None)
 
 
-def verdict(image: Path, board: str) -> str | None:
+def verdict(image: Path, board: str, of_list: str) -> str | None:
     """As first_failure, in a process of its own that may hang."""
     done = subprocess.run(
-        ["prlimit", f"--cpu={LIMIT_S}", sys.executable, __file__, "judge", image, board],
+        ["prlimit", f"--cpu={LIMIT_S}", sys.executable, __file__, "judge", image, board, "--of-list", of_list],
         capture_output=True, text=True, check=False,
     )  # fmt: skip
     if done.returncode in (-signal.SIGXCPU, -signal.SIGKILL):
@@ -58,11 +59,15 @@ def verdict(image: Path, board: str) -> str | None:
 @main.command()
 @click.option("--jobs", default=1, show_default=True, help="Binaries at a time.")
 @click.option("--only", default="", help="Mistakes whose description or file contains this.")
+@click.option("--lists", default="", help="Lists whose file name contains this, e.g. life.")
 @click.option("--markdown", type=click.Path(dir_okay=False, path_type=Path), help="Where the table goes.")
-def run(jobs: int, only: str, markdown: Path | None) -> None:
+def run(jobs: int, only: str, lists: str, markdown: Path | None) -> None:
     """Builds and judges every mistake, and the firmware without any."""
-    chosen = [mutant for mutant in mutants() if only in mutant.what or only in mutant.file]
-    whole = [Mutant("no mistake", "stm32f446/main.c", "int main(void)", "int main(void)", b) for b in WIRINGS]
+    chosen = [mutant for mutant in mutants(lists) if only in mutant.what or only in mutant.file]
+    whole = [
+        Mutant("no mistake", "boards/stm32f446/main.c", "int main(void)", "int main(void)", b)
+        for b in WIRINGS
+    ]
     workshops: Queue[Workshop] = Queue()
     with TemporaryDirectory() as folder:
         for number in range(jobs):
@@ -71,7 +76,7 @@ def run(jobs: int, only: str, markdown: Path | None) -> None:
         def examine(mutant: Mutant) -> str | None:
             workshop = workshops.get()
             try:
-                failure = verdict(workshop.build(mutant), mutant.board)
+                failure = verdict(workshop.build(mutant), mutant.board, mutant.of_list)
             finally:
                 workshops.put(workshop)
             print(f"{mutant.what}: {failure or 'survives'}", flush=True)
@@ -87,7 +92,8 @@ def run(jobs: int, only: str, markdown: Path | None) -> None:
         raise click.ClickException(f"the firmware without a mistake fails: {results[: len(whole)]}")
     found = dict(zip(chosen, results[len(whole) :], strict=True))
     if markdown:
-        markdown.write_text(page(found), encoding="utf-8")
+        command = f"run --jobs {jobs}{f' --lists {lists}' if lists else ''} --markdown {markdown}"
+        markdown.write_text(page(found, command), encoding="utf-8")
     caught = sum(failure is not None for failure in found.values())
     unexplained = [m.what for m, failure in found.items() if failure is None and not m.harmless]
     print(f"{caught} of {len(found)} caught ({100 * caught / len(found):.1f} %)")
@@ -95,19 +101,20 @@ def run(jobs: int, only: str, markdown: Path | None) -> None:
         raise click.ClickException(f"survivors without an explanation: {unexplained}")
 
 
-def page(found: dict[Mutant, str | None]) -> str:
+def page(found: dict[Mutant, str | None], command: str) -> str:
     """The result in Markdown."""
     caught = [m for m, failure in found.items() if failure is not None]
+    lists = sorted({m.of_list for m in found})
     survivors = [m for m, failure in found.items() if failure is None]
     lines = [
         "# Mistakes put into the firmware",
         "",
-        f"{len(found)} single mistakes in registers, order of writes, priorities and board headers",
-        "(`bench/firmware_mutation/mutants.toml`), each built as what ships and run in the emulator:",
+        f"{len(found)} single mistakes (`bench/firmware_mutation/{' and '.join(f'{n}.toml' for n in lists)}`),",
+        "each built as what ships and run in the emulator:",
         f"**{len(caught)} caught, {100 * len(caught) / len(found):.1f} %** (required: {100 * REQUIRED:g} %).",
         f"The firmware without a mistake passes all {len(CHECKS)} checks on both boards.",
         "",
-        "Command: `.venv/bin/python bench/firmware_mutants.py run --jobs 2 --markdown docs/validation/mutants.md`",
+        f"Command: `.venv/bin/python bench/firmware_mutants.py {command}`",
         "",
         "## Not caught",
         "",

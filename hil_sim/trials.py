@@ -13,9 +13,11 @@ from hil_sim.plant.kinematics import QUARTER_TURN, joint_angles, joints_of
 from hil_sim.plant.perturbation import RATE_HZ, played_perturbation, random_perturbation
 from hil_sim.plant.physics import SPRING, PlantEffects, Term
 from hil_sim.plant.plant import Load, PlantParameters
+from hil_sim.plant.played import played_reference
 from hil_sim.plant.reference import Course, ten_sinusoids
 from hil_sim.scenarios.schema import LoadTruth, Motion, NoiseTable, Scenario, TorqueNoiseTable, Trial
 from hil_sim.seeds import generator
+from hil_sim.sensors import adxl355
 from hil_sim.sensors.accelerometer import AccelerometerTruth
 from hil_sim.sensors.clock import Clock
 from hil_sim.sensors.encoder import EncoderTruth
@@ -103,7 +105,7 @@ def without_effects(scenario: Scenario, trial: Trial, seed: int) -> TrialTruth:
         accelerometer=_accelerometer(scenario),
         encoder=encoder,
         force_sensor=_force_sensor(scenario),
-        accelerometer_delay_s=0.0,
+        accelerometer_delay_s=adxl355.LATE_S if setup.accelerometer.part == adxl355.PART else 0.0,
         vref_V=world.accelerometer.supply_V or setup.accelerometer.vref_V,
         adc_noise_lsb=world.adc.noise_lsb,
         miscounts_per_min=world.encoder.miscounts_per_min,
@@ -113,6 +115,7 @@ def without_effects(scenario: Scenario, trial: Trial, seed: int) -> TrialTruth:
         board_rate_ppm=world.clocks.board_ppm,
         duration_s=trial.duration_s,
         seed=seed,
+        part=setup.accelerometer.part,
     )
     if setup.robot.single:
         return _on_the_axis(plain)
@@ -182,6 +185,12 @@ def _course(scenario: Scenario, trial: Trial, load: Load, seed: int) -> Course:
             centre = joints_of(links, relative=scenario.setup.robot.relative)
         except ValueError as error:
             raise SimError(f"trial {trial.name}: {error}; move x0_m of load {trial.load}") from None
+    if trial.command_csv is not None and trial.kind != "stochastic":
+        joints = 1 if scenario.setup.robot.single else 2
+        try:
+            return played_reference(Path(trial.command_csv), TICK_S, joints=joints)
+        except ValueError as error:
+            raise SimError(f"trial {trial.name}: {error}") from None
     if trial.command_csv is not None:
         try:
             played = played_perturbation(

@@ -14,15 +14,15 @@ from hil_sim.plant.kinematics import joints_of, links_of
 from hil_sim.plant.plant import SUBSTEPS, Motion, Plant, PlantParameters
 from hil_sim.plant.reference import Course
 from hil_sim.seeds import generator
-from hil_sim.sensors import adc
-from hil_sim.sensors.accelerometer import AccelerometerTruth, Output, OutputFilter
+from hil_sim.sensors import adxl355
+from hil_sim.sensors.accelerometer import STANDARD_GRAVITY, AccelerometerTruth, Output, OutputFilter
+from hil_sim.sensors.adc import CONVERSIONS, AnalogInput
 from hil_sim.sensors.clock import Clock
 from hil_sim.sensors.encoder import EncoderTruth
 from hil_sim.sensors.force_sensor import ForceSensor, ForceSensorTruth
 from hil_sim.sensors.torque_log import LogRows, LogTruth, TorqueLog
 
 Array = NDArray[np.float64]
-CONVERSIONS = 8  # IMPID_ADC_PER_TICK
 TICK_US = 1000  # of the board
 CONVERSION_US = TICK_US // CONVERSIONS
 SETTLE_TICKS = 2000
@@ -39,6 +39,7 @@ class TrialTruth:
         inputs: torques, pushes and shifts that time alone decides, one row per tick; see Plant.run. None:
             there are none.
         accelerometer, encoder, force_sensor: the sensors; force_sensor is None where there is none.
+        part: of the accelerometer; all but the ADXL355 have two analog outputs.
         board_factor: true angle over the one that setup.toml lets expect of the board's counters, beyond the
             encoder's own factor.
         accelerometer_delay_s: the acceleration is that of so long ago.
@@ -71,6 +72,7 @@ class TrialTruth:
     duration_s: float
     seed: int
     board_factor: tuple[float, float] = (1.0, 1.0)
+    part: str = "ADXL203"
 
 
 @dataclass(frozen=True)
@@ -78,12 +80,20 @@ class Readings:
     """What the board reads in n of its ticks.
 
     Attributes:
-        adc: 12-bit codes, both axes, shape (n, 8, 2).
+        adc: 12-bit codes, both axes, shape (n, 8, 2); of a digital sensor 20-bit codes, shape (n, 1, 3).
         encoder: counters, shape (n, 2).
     """
 
-    adc: NDArray[np.uint16]
+    adc: NDArray[np.uint16] | NDArray[np.uint32]
     encoder: NDArray[np.int32]
+
+
+def converter(truth: TrialTruth, upright_g: float) -> AnalogInput | adxl355.DigitalOutput:
+    """What makes readings of the accelerometer's outputs; upright_g: felt across the plane, at rest."""
+    noise = generator(truth.seed, truth.name, "converter noise")
+    if truth.part == adxl355.PART:
+        return adxl355.DigitalOutput(upright_g, truth.accelerometer.noise_density_ug_per_rtHz, noise)
+    return AnalogInput(truth.vref_V, truth.adc_noise_lsb, noise)
 
 
 class World:
@@ -107,7 +117,8 @@ class World:
             generator(truth.seed, truth.name, "accelerometer noise"),
         )
         sensor = truth.force_sensor
-        self._adc_noise = generator(truth.seed, truth.name, "converter noise")
+        in_plane_g = np.hypot(*truth.accelerometer.gravity_m_s2) / STANDARD_GRAVITY
+        self._converter = converter(truth, float(np.sqrt(max(0.0, 1.0 - in_plane_g**2))))
         self._lines = generator(truth.seed, truth.name, "encoder lines")
         self._shift = np.zeros(2, dtype=np.int32)  # of the board's counters, by what noise made them count
         self._log = TorqueLog(
@@ -187,10 +198,7 @@ class World:
             self._forget(float(min(place[-1], felt[-1])))
         count = count + self._miscounted(ticks)
         volts = self._output.volts(filtered, self_test=self_test)
-        lsb = self.truth.vref_V / (1 << adc.BITS)
-        volts += self.truth.adc_noise_lsb * lsb * self._adc_noise.standard_normal(volts.shape)
-        codes = adc.convert(volts, self.truth.vref_V)
-        return Readings(adc=codes.reshape(ticks, CONVERSIONS, 2), encoder=count)
+        return Readings(adc=self._converter.readings(volts, self_test=self_test), encoder=count)
 
     def _place(self, since_s: Array) -> Array:
         """Substeps since the start at which the board's clock has advanced by since_s beyond the start.

@@ -15,7 +15,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
-PORT = ROOT / "firmware" / "boards" / "stm32f446"
+BOARDS = ROOT / "firmware" / "boards"
+# The port of every board that is none of the first chip.
+PORTS = {"nucleo_g474re": "stm32g474"}
 FLASH_BYTES = 32 * 1024
 RAM_BYTES = 16 * 1024
 FLASH_SECTIONS = (".text", ".data")
@@ -113,10 +115,13 @@ def functions(elf: Path, frames: dict[str, int]) -> dict[str, Function]:
     return found
 
 
-def addresses_taken(elf: Path, names: Iterable[str]) -> set[str]:
+def addresses_taken(elf: Path, names: Iterable[str], port: Path) -> set[str]:
     """Functions whose address stands as a word in the program outside the vector table."""
     at = symbols(elf)
-    start, vectors_bytes = at["vectors"], 4 * (16 + 97)
+    interrupts = re.search(r"IRQ_COUNT = (\d+)", (port / "interrupts.h").read_text())
+    if interrupts is None:
+        raise BudgetError(f"{port / 'interrupts.h'}: no IRQ_COUNT")
+    start, vectors_bytes = at["vectors"], 4 * (16 + int(interrupts[1]))
     by_address = {at[name] | 1: name for name in names if name in at}
     words: list[int] = []
     for line in tool("objdump", "-s", "-j", ".text", str(elf)).splitlines():
@@ -147,13 +152,13 @@ def deepest(graph: dict[str, Function], taken: set[str], root: str) -> tuple[int
     return visit(root, ())
 
 
-def interrupt_priorities() -> dict[int, list[str]]:
+def interrupt_priorities(port: Path) -> dict[int, list[str]]:
     """Handlers by priority, as the port's sources enable and name them."""
-    text = "".join(path.read_text() for path in sorted(PORT.glob("*.c")))
+    text = "".join(path.read_text() for path in sorted(port.glob("*.c")))
     handlers = dict(re.findall(r"\[(IRQ_\w+)\] = (\w+)", text))
     numbers = {
         name: int(value)
-        for name, value in re.findall(r"(PRIORITY_\w+) = (\d)", (PORT / "interrupts.h").read_text())
+        for name, value in re.findall(r"(PRIORITY_\w+) = (\d)", (port / "interrupts.h").read_text())
     }
     levels: dict[int, list[str]] = {}
     for irq, priority in re.findall(r"interrupt_enable\((IRQ_\w+), (PRIORITY_\w+)\)", text):
@@ -161,12 +166,12 @@ def interrupt_priorities() -> dict[int, list[str]]:
     return levels
 
 
-def stack_rows(elf: Path) -> list[tuple[str, int, list[str]]]:
+def stack_rows(elf: Path, port: Path = BOARDS / "stm32f446") -> list[tuple[str, int, list[str]]]:
     """What can be on the stack at once: (who, bytes, deepest path)."""
     graph = functions(elf, reported_frames(elf.parent))
-    taken = addresses_taken(elf, graph) - {"reset_handler"}
+    taken = addresses_taken(elf, graph, port) - {"reset_handler"}
     rows = [("main loop", *deepest(graph, taken, "reset_handler"))]
-    for level, handlers in sorted(interrupt_priorities().items(), reverse=True):
+    for level, handlers in sorted(interrupt_priorities(port).items(), reverse=True):
         need, path = max(deepest(graph, taken, handler) for handler in handlers)
         rows.append((f"priority {level}", need + EXCEPTION_FRAME, path))
     need, path = deepest(graph, taken, "nmi_handler")
@@ -182,7 +187,7 @@ def judge(board: str) -> tuple[bool, list[str]]:
         raise BudgetError(f"{elf.relative_to(ROOT)} is missing; run scripts/firmware_build.sh")
     sizes = section_sizes(elf)
     table = symbols(elf)
-    rows = stack_rows(elf)
+    rows = stack_rows(elf, BOARDS / PORTS.get(board, "stm32f446"))
     accounts = [
         ("flash", sum(sizes.get(name, 0) for name in FLASH_SECTIONS), FLASH_BYTES),
         ("RAM", sum(sizes.get(name, 0) for name in RAM_SECTIONS), RAM_BYTES),
@@ -213,4 +218,6 @@ def main(boards: list[str]) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:] or ["nucleo_f446re", "custom_f446re"]))
+    sys.exit(
+        main(sys.argv[1:] or ["nucleo_f446re", "custom_f446re", "nucleo_f446re_adxl355", "nucleo_g474re"])
+    )

@@ -11,31 +11,54 @@ for tool in cppcheck clang-tidy arm-none-eabi-gcc; do
     }
 done
 
-port=firmware/boards/stm32f446
-for board in nucleo_f446re custom_f446re; do
-    includes="-Ifirmware/core -Ifirmware/generated -I$port -Ifirmware/boards/$board"
-    for source in "$port"/*.c; do
-        # shellcheck disable=SC2086 # a list of options without spaces
+# The port of a chip and what it takes from the first one's.
+first=firmware/boards/stm32f446
+second=firmware/boards/stm32g474
+shared="$first/main.c $first/inputs.c $first/fault.c $first/loader.c $first/pin.c"
+ours="-Ifirmware/core -Ifirmware/generated"
+f446="$ours -I$first -Ifirmware/boards/nucleo_f446re_adxl355"
+g474="$ours -I$second -I$first -Ifirmware/boards/nucleo_g474re"
+
+# shellcheck disable=SC2086 # a list of names without spaces
+check_port() { # SOURCES INCLUDES...
+    sources=$1
+    shift
+    for source in $sources; do
         arm-none-eabi-gcc -mcpu=cortex-m4 -mthumb -std=c11 -Wall -Wextra -Wconversion -Wshadow -Wundef -Werror \
-            -fsyntax-only $includes "$source"
+            -fsyntax-only "$@" "$source"
     done
     # Members that nobody names keep registers and stacked words at their offsets.
-    # shellcheck disable=SC2086
     cppcheck --quiet --error-exitcode=1 --std=c11 --enable=warning,style,performance,portability --inline-suppr \
         --suppress=unusedStructMember \
-        --suppressions-list=firmware/cppcheck-suppressions.txt $includes "$port"
-done
-# shellcheck disable=SC2086
-cppcheck --quiet --error-exitcode=1 --std=c11 --addon=misra --inline-suppr \
-    --suppressions-list=firmware/misra-deviations.txt $includes firmware/core "$port"
+        --suppressions-list=firmware/cppcheck-suppressions.txt "$@" $sources
+}
+
+# shellcheck disable=SC2086 # lists of options without spaces
+{
+    for board in nucleo_f446re custom_f446re; do
+        check_port "$first/*.c" $ours -I$first -Ifirmware/boards/$board
+    done
+    check_port "$first/*.c" $f446
+    check_port "$second/*.c $shared" $g474
+    misra="cppcheck --quiet --error-exitcode=1 --std=c11 --addon=misra --inline-suppr"
+    $misra --suppressions-list=firmware/misra-deviations.txt $f446 firmware/core "$first"
+    $misra --suppressions-list=firmware/misra-deviations.txt $g474 $second/*.c $shared
+}
 
 # clang brings its own compiler headers; newlib's stdatomic.h needs stdint.h before it with clang. The libc's are where the cross compiler looks for them.
 libc=$(arm-none-eabi-gcc -xc -E -v /dev/null 2>&1 | sed -n 's|^ \(.*arm-none-eabi/include\)$|-isystem \1|p' | tr '\n' ' ')
 # How many warnings it leaves out is all that it says there when all is well.
 noise=$(mktemp)
 trap 'rm -f "$noise"' EXIT
-# shellcheck disable=SC2086
-clang-tidy --quiet --config-file=firmware/.clang-tidy firmware/core/*.c "$port"/*.c -- \
-    --target=arm-none-eabi -include stdint.h -mcpu=cortex-m4 -mthumb -std=c11 -Wall -Wextra $includes $libc \
-    2>"$noise" || { cat "$noise" >&2; exit 1; }
+tidy() { # INCLUDES SOURCES...
+    includes=$1
+    shift
+    # shellcheck disable=SC2086
+    clang-tidy --quiet --config-file=firmware/.clang-tidy "$@" -- \
+        --target=arm-none-eabi -include stdint.h -mcpu=cortex-m4 -mthumb -std=c11 -Wall -Wextra $includes $libc \
+        2>"$noise" || { cat "$noise" >&2; exit 1; }
+}
+tidy "$f446" firmware/core/*.c "$first"/*.c
+# shellcheck disable=SC2086 # a list of names without spaces
+tidy "$g474" "$second"/*.c $shared
 echo "firmware_check: clean; $(grep -c '^misra' firmware/misra-deviations.txt) MISRA rules deviated from, each with its reason"

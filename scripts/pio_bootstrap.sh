@@ -16,7 +16,7 @@ root=$PWD
 export PLATFORMIO_CORE_DIR="${PLATFORMIO_CORE_DIR:-$root/.pio-core}"
 export PLATFORMIO_SETTING_ENABLE_TELEMETRY=no PLATFORMIO_SETTING_CHECK_PLATFORMIO_INTERVAL=9999
 bin=$root/.venv/bin
-environments=${*:-native qemu_cortex_m4 nucleo_f446re custom_f446re}
+environments=${*:-native qemu_cortex_m4 nucleo_f446re custom_f446re nucleo_f446re_adxl355 nucleo_g474re}
 
 # PlatformIO 6 accepts only its own numbering of SCons: 4.41101.0 is 4.11.1.
 scons=4.11.1

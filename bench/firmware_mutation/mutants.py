@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
-LIST = Path(__file__).with_name("mutants.toml")
+LISTS = sorted(Path(__file__).parent.glob("mutants*.toml"))
 BOARDS = {"nucleo": "nucleo_f446re", "custom": "custom_f446re"}
 COPIED = ("platformio.ini", "firmware")
 
@@ -18,14 +18,15 @@ class MutantError(Exception):
 
 @dataclass(frozen=True)
 class Mutant:
-    """A row of mutants.toml.
+    """A row of the lists.
 
     Attributes:
         what: the mistake, in words.
-        file: below firmware/boards.
+        file: below firmware.
         old, new: text that stands in the file once, and what takes its place.
         board: "nucleo" or "custom".
         harmless: why no check can notice it; empty where one must.
+        of_list: name of the list that has it, without its ending.
     """
 
     what: str
@@ -34,11 +35,14 @@ class Mutant:
     new: str
     board: str = "nucleo"
     harmless: str = ""
+    of_list: str = ""
 
 
-def mutants() -> list[Mutant]:
-    """All of them."""
-    return [Mutant(**row) for row in tomllib.loads(LIST.read_text(encoding="utf-8"))["mutant"]]
+def mutants(named: str = "") -> list[Mutant]:
+    """All of the lists whose file's name contains this."""
+    lists = {path.stem: tomllib.loads(path.read_text(encoding="utf-8")) for path in LISTS}
+    rows = ((stem, row) for stem, content in lists.items() if named in stem for row in content["mutant"])
+    return [Mutant(**row, of_list=stem) for stem, row in rows]
 
 
 class Workshop:
@@ -62,7 +66,7 @@ class Workshop:
         Raises:
             MutantError: the text is not there once, or the compiler refuses what becomes of it.
         """
-        source = self._folder / "firmware" / "boards" / mutant.file
+        source = self._folder / "firmware" / mutant.file
         before = source.read_text(encoding="utf-8")
         if before.count(mutant.old) != 1:
             raise MutantError(

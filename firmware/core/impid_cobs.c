@@ -6,26 +6,21 @@
 #define LONGEST_RUN 254u
 
 size_t impid_cobs_encode(const uint8_t *bytes, size_t count, uint8_t *encoded) {
-    size_t in = 0;
-    size_t out = 0;
-    bool more = true;
-    while (more) {
-        /* 1. A run without zero goes over as it is: this inner loop is most of what a batch costs. */
-        size_t run = 0;
-        while (run < LONGEST_RUN && in + run < count && bytes[in + run] != 0u) {
-            encoded[out + 1u + run] = bytes[in + run];
-            run++;
+    size_t code = 0; /* place of the code byte that the run under way gets once its length is known */
+    size_t out = 1;
+    for (size_t in = 0; in < count; in++) {
+        bool ends = bytes[in] == 0u; /* the code byte stands for the zero as well */
+        if (!ends) {
+            encoded[out++] = bytes[in];
+            /* The longest run ends without a zero; at the end of all no other follows it. */
+            ends = out - code > LONGEST_RUN && in + 1u < count;
         }
-        /* 2. Its code byte stands before it. */
-        encoded[out] = (uint8_t)(run + 1u);
-        out += run + 1u;
-        in += run;
-        /* 3. A run that stopped short of the longest stands for the zero behind it as well. */
-        more = in < count;
-        if (more && run < LONGEST_RUN) {
-            in++;
+        if (ends) {
+            encoded[code] = (uint8_t)(out - code);
+            code = out++;
         }
     }
+    encoded[code] = (uint8_t)(out - code);
     return out;
 }
 

@@ -37,23 +37,33 @@ static answer_t info(const impid_core_t *core, uint8_t item) {
     case IMPID_MESSAGES_COMMAND_ITEM_SAMPLE_RATE_HZ_CHOICE:
         return ok(IMPID_SAMPLE_RATE_HZ);
     case IMPID_MESSAGES_COMMAND_ITEM_GROUP_DELAY_US_CHOICE:
-        return ok(IMPID_GROUP_DELAY_US);
+        return ok(config->sensor->group_delay_us);
     case IMPID_MESSAGES_COMMAND_ITEM_FULL_SCALE_CODE_CHOICE:
-        return ok(IMPID_FULL_SCALE_CODE);
+        return ok(config->sensor->wide ? 1u << 24 : 1u << 16);
     case IMPID_MESSAGES_COMMAND_ITEM_VREF_MV_CHOICE:
-        return ok(core->port->health(core->port->context).supply_mV);
+        return ok(config->sensor->full_scale_m != 0u ? config->sensor->full_scale_m
+                                                     : core->port->health(core->port->context).supply_mV);
     case IMPID_MESSAGES_COMMAND_ITEM_BATCH_SAMPLES_CHOICE:
         return ok(IMPID_BATCH_SAMPLES);
     case IMPID_MESSAGES_COMMAND_ITEM_OVERSAMPLING_CHOICE:
-        return ok(IMPID_OVERSAMPLING);
+        return ok(config->sensor->readings);
     case IMPID_MESSAGES_COMMAND_ITEM_RESET_CAUSE_CHOICE:
         return ok(config->reset_cause);
     case IMPID_MESSAGES_COMMAND_ITEM_CLOCK_SOURCE_CHOICE:
         return ok(config->clock_source);
     case IMPID_MESSAGES_COMMAND_ITEM_SELF_TEST_X_MV_CHOICE:
-        return ok((uint32_t)core->selftest.response_mV[0]);
+        return ok((uint32_t)core->selftest.response_m[0]);
     case IMPID_MESSAGES_COMMAND_ITEM_SELF_TEST_Y_MV_CHOICE:
-        return ok((uint32_t)core->selftest.response_mV[1]);
+        return ok((uint32_t)core->selftest.response_m[1]);
+    case IMPID_MESSAGES_COMMAND_ITEM_SELF_TEST_Z_MV_CHOICE:
+        return config->sensor->axes > 2u ? ok((uint32_t)core->selftest.response_m[IMPID_AXES_MAX - 1u])
+                                         : refused(IMPID_MESSAGES_RESPONSE_RESULT_BAD_ITEM_CHOICE);
+    case IMPID_MESSAGES_COMMAND_ITEM_SENSOR_CHOICE:
+        return ok(config->sensor->id);
+    case IMPID_MESSAGES_COMMAND_ITEM_AXES_CHOICE:
+        return ok(config->sensor->axes);
+    case IMPID_MESSAGES_COMMAND_ITEM_READING_BITS_CHOICE:
+        return ok(config->sensor->reading_bits);
     case IMPID_MESSAGES_COMMAND_ITEM_SYNC_US_CHOICE:
         return ok(core->port->health(core->port->context).sync_us);
     case IMPID_MESSAGES_COMMAND_ITEM_SYNC_COUNT_CHOICE:
@@ -68,6 +78,8 @@ static answer_t info(const impid_core_t *core, uint8_t item) {
         return ok(config->slots != NULL ? impid_update_slot(&core->update) : IMPID_SLOT_NONE);
     case IMPID_MESSAGES_COMMAND_ITEM_UPDATE_PENDING_CHOICE:
         return ok(config->slots != NULL && !impid_update_confirmed(&core->update) ? 1u : 0u);
+    case IMPID_MESSAGES_COMMAND_ITEM_EXTERNAL_CLOCK_HZ_CHOICE:
+        return ok(config->external_clock_hz);
     default:
         return refused(IMPID_MESSAGES_RESPONSE_RESULT_BAD_ITEM_CHOICE);
     }
@@ -82,12 +94,16 @@ static answer_t update_answer(impid_update_result_t result, uint32_t value) {
     return (answer_t){codes[result], value};
 }
 
+static bool busy(const impid_core_t *core) {
+    return impid_stream_active(&core->stream) || impid_selftest_running(&core->selftest);
+}
+
 static answer_t update(impid_core_t *core, const struct impid_messages_command_t *command) {
     impid_update_t *update = &core->update;
     if (update->port == NULL) {
         return refused(IMPID_MESSAGES_RESPONSE_RESULT_UNKNOWN_OPCODE_CHOICE);
     }
-    if (impid_stream_active(&core->stream) || impid_selftest_running(&core->selftest)) {
+    if (busy(core)) {
         return refused(IMPID_MESSAGES_RESPONSE_RESULT_BUSY_CHOICE);
     }
     switch (command->opcode) {
@@ -135,7 +151,7 @@ static answer_t stop(impid_core_t *core, impid_carrier_t carrier) {
 }
 
 static answer_t self_test(impid_core_t *core) {
-    if (impid_stream_active(&core->stream) || impid_selftest_running(&core->selftest)) {
+    if (busy(core)) {
         return refused(IMPID_MESSAGES_RESPONSE_RESULT_BUSY_CHOICE);
     }
     impid_selftest_begin(&core->selftest, core->port->health(core->port->context).supply_mV);
@@ -188,6 +204,20 @@ static answer_t log_word(const impid_core_config_t *config, uint8_t item) {
                                     : refused(IMPID_MESSAGES_RESPONSE_RESULT_BAD_ITEM_CHOICE);
 }
 
+static answer_t bench(impid_core_t *core, impid_carrier_t carrier,
+                      const struct impid_messages_command_t *command) {
+    /* The loopback takes the controller off the bus: the answer would not get out. */
+    bool cuts_itself_off = carrier == IMPID_CARRIER_CAN &&
+                           command->item == IMPID_MESSAGES_COMMAND_ITEM_BENCH_CAN_LOOPBACK_CHOICE;
+    if (busy(core) || cuts_itself_off) {
+        return refused(IMPID_MESSAGES_RESPONSE_RESULT_BUSY_CHOICE);
+    }
+    uint32_t value;
+    return impid_bench_execute(&core->bench, command->item, command->value, &value)
+               ? ok(value)
+               : refused(IMPID_MESSAGES_RESPONSE_RESULT_BAD_VALUE_CHOICE);
+}
+
 static answer_t act(impid_core_t *core, impid_carrier_t carrier,
                     const struct impid_messages_command_t *command) {
     switch (command->opcode) {
@@ -210,6 +240,8 @@ static answer_t act(impid_core_t *core, impid_carrier_t carrier,
     case IMPID_MESSAGES_COMMAND_OPCODE_UPDATE_END_CHOICE:
     case IMPID_MESSAGES_COMMAND_OPCODE_UPDATE_CONFIRM_CHOICE:
         return update(core, command);
+    case IMPID_MESSAGES_COMMAND_OPCODE_BENCH_CHOICE:
+        return bench(core, carrier, command);
     case IMPID_MESSAGES_COMMAND_OPCODE_STATUS_CHOICE:
     case IMPID_MESSAGES_COMMAND_OPCODE_RESET_CHOICE:
         return ok(0u); /* acted on once the answer is out */

@@ -9,13 +9,17 @@ void impid_core_init(impid_core_t *core, const impid_core_config_t *config, cons
     memset(core, 0, sizeof *core);
     core->config = *config;
     core->port = port;
+    if (core->config.sensor == NULL) {
+        core->config.sensor = &impid_adxl203;
+    }
     core->status_at_us = config->boot_us + IMPID_STATUS_PERIOD_US;
-    impid_sampler_init(&core->sampler);
+    impid_sampler_init(&core->sampler, core->config.sensor);
     impid_timebase_init(&core->timebase, config->boot_us);
-    impid_stream_init(&core->stream, config->boot_id, config->first_index);
-    impid_selftest_init(&core->selftest);
+    impid_stream_init(&core->stream, config->boot_id, config->first_index, core->config.sensor->wide);
+    impid_selftest_init(&core->selftest, core->config.sensor);
     impid_frame_parser_init(&core->parser);
     impid_update_init(&core->update, config->slots);
+    impid_bench_init(&core->bench, config->bench);
     if (core->config.trace != NULL) {
         impid_trace_begin(core->config.trace, config->boot_id);
     }
@@ -31,6 +35,20 @@ static void mark(impid_core_t *core) {
 void impid_core_tick(impid_core_t *core, const impid_tick_t *tick) {
     impid_sampler_tick(&core->sampler, tick);
     mark(core);
+    if (impid_histogram_left(&core->bench.histogram) > 0u) {
+        for (uint32_t i = 0; i < IMPID_OVERSAMPLING; i++) {
+            impid_histogram_add(&core->bench.histogram, IMPID_HISTOGRAM_X, tick->adc[2u * i]);
+            impid_histogram_add(&core->bench.histogram, IMPID_HISTOGRAM_Y, tick->adc[2u * i + 1u]);
+        }
+    }
+}
+
+bool impid_core_wants_reference(const impid_core_t *core) {
+    return impid_histogram_wants(&core->bench.histogram, IMPID_HISTOGRAM_REFERENCE);
+}
+
+void impid_core_reference(impid_core_t *core, uint16_t code) {
+    impid_histogram_add(&core->bench.histogram, IMPID_HISTOGRAM_REFERENCE, code);
 }
 
 void impid_core_missed(impid_core_t *core, uint32_t ticks) {

@@ -22,6 +22,9 @@ void impid_core_init(impid_core_t *core, const impid_core_config_t *config, cons
 /* Sampling interrupt. */
 void impid_core_tick(impid_core_t *core, const impid_tick_t *tick);
 void impid_core_missed(impid_core_t *core, uint32_t ticks);
+/* The bench test waits for readings of the converter's reference: one a tick, if the board has them. */
+bool impid_core_wants_reference(const impid_core_t *core);
+void impid_core_reference(impid_core_t *core, uint16_t code);
 
 /* Main loop. */
 void impid_core_poll(impid_core_t *core);

@@ -1,9 +1,8 @@
 #include "impid_decimator.h"
 
-#include <string.h>
+#include "impid_assert.h"
 
-/* 12-bit codes to 16-bit codes is a factor 16: that much less is shifted out. */
-#define OUTPUT_SHIFT (IMPID_DECIMATOR_SCALE_BITS - 4)
+#include <string.h>
 
 static const int16_t taps[IMPID_DECIMATOR_TAPS] = {IMPID_DECIMATOR_TAP_VALUES};
 
@@ -11,14 +10,15 @@ void impid_decimator_init(impid_decimator_t *decimator) {
     memset(decimator, 0, sizeof *decimator);
 }
 
-void impid_decimator_push(impid_decimator_t *decimator, uint16_t code) {
+void impid_decimator_push(impid_decimator_t *decimator, uint16_t code, uint32_t rail) {
+    IMPID_ASSERT(decimator->position < IMPID_DECIMATOR_TAPS);
     decimator->history[decimator->position] = code;
     decimator->history[decimator->position + IMPID_DECIMATOR_TAPS] = code;
     decimator->position = (uint8_t)((decimator->position + 1u) % IMPID_DECIMATOR_TAPS);
     if (decimator->filled < IMPID_DECIMATOR_TAPS) {
         decimator->filled++;
     }
-    if (code == 0u || code >= IMPID_ADC_MAX) {
+    if (code == 0u || code >= rail) {
         decimator->saturated_for = IMPID_DECIMATOR_TAPS;
     } else if (decimator->saturated_for > 0u) {
         decimator->saturated_for--;
@@ -29,22 +29,23 @@ bool impid_decimator_ready(const impid_decimator_t *decimator) {
     return decimator->filled == IMPID_DECIMATOR_TAPS;
 }
 
-impid_decimator_output_t impid_decimator_output(const impid_decimator_t *decimator) {
-    /* 4095 times the sum of the taps' magnitudes is 3.1e8: 32 bits are enough. */
+impid_decimator_output_t impid_decimator_output(const impid_decimator_t *decimator, uint32_t bits) {
+    /* 65535 times the sum of the taps' magnitudes is 5.0e9: 32 bits would do for 12-bit codes only. */
     const uint16_t *window = &decimator->history[decimator->position];
-    int32_t sum = 1 << (OUTPUT_SHIFT - 1);
+    uint32_t shift = IMPID_DECIMATOR_SCALE_BITS - (16u - bits); /* the gain to 16 bits is not shifted out */
+    int64_t sum = (int64_t)1 << (shift - 1u);
     for (uint32_t i = 0; i < IMPID_DECIMATOR_TAPS; i++) {
-        sum += (int32_t)taps[i] * (int32_t)window[i];
+        sum += (int64_t)((int32_t)taps[i] * (int32_t)window[i]);
     }
     impid_decimator_output_t output = {.saturated = decimator->saturated_for > 0u};
     if (sum < 0) {
         output.code = 0u;
         output.saturated = true;
-    } else if ((sum >> OUTPUT_SHIFT) > (int32_t)UINT16_MAX) {
+    } else if ((sum >> shift) > (int64_t)UINT16_MAX) {
         output.code = UINT16_MAX;
         output.saturated = true;
     } else {
-        output.code = (uint16_t)(sum >> OUTPUT_SHIFT);
+        output.code = (uint16_t)(sum >> shift);
     }
     return output;
 }

@@ -1,11 +1,11 @@
 /* Decimation of one axis from 8 kHz to 1 kHz by a linear-phase FIR filter in integers.
  *
  * Data flow: impid_decimator_push() takes the conversions one by one, impid_decimator_output() gives the
- * filter's value over the last 28 of them. 12-bit codes in, 16-bit codes out: a constant input c gives
- * exactly 16 c. Every delay is 13.5 conversions (1687.5 us), whatever the frequency.
+ * filter's value over the last 28 of them. Codes of `bits` bits in, 12 to 16, 16-bit codes out: a constant
+ * input c gives exactly c 2^(16 - bits). Every delay is 13.5 conversions (1687.5 us), whatever the frequency.
  * Ownership: the state is the caller's. Timing: sampling interrupt; 28 multiplications an output.
  * Can fail: no. An output outside 0..65535 (overshoot at a rail) is clipped and reported as saturated,
- * as is every output whose window holds a conversion at either end of the range.
+ * as is every output whose window holds a conversion at 0 or at `rail`.
  */
 #ifndef IMPID_DECIMATOR_H
 #define IMPID_DECIMATOR_H
@@ -14,8 +14,6 @@
 
 #include <stdbool.h>
 #include <stdint.h>
-
-#define IMPID_ADC_MAX 4095u /* 12-bit converter */
 
 typedef struct {
     uint16_t history[2u * IMPID_DECIMATOR_TAPS]; /* each conversion twice: a window never wraps */
@@ -30,9 +28,9 @@ typedef struct {
 } impid_decimator_output_t;
 
 void impid_decimator_init(impid_decimator_t *decimator);
-void impid_decimator_push(impid_decimator_t *decimator, uint16_t code);
+void impid_decimator_push(impid_decimator_t *decimator, uint16_t code, uint32_t rail);
 /* true once the window holds 28 conversions; outputs before that mean nothing. */
 bool impid_decimator_ready(const impid_decimator_t *decimator);
-impid_decimator_output_t impid_decimator_output(const impid_decimator_t *decimator);
+impid_decimator_output_t impid_decimator_output(const impid_decimator_t *decimator, uint32_t bits);
 
 #endif

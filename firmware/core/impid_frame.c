@@ -1,5 +1,6 @@
 #include "impid_frame.h"
 
+#include "impid_assert.h"
 #include "impid_crc32.h"
 
 #include <string.h>
@@ -10,6 +11,8 @@ size_t impid_frame_record_size(uint8_t kind) {
     switch (kind) {
     case IMPID_MESSAGES_BATCH_KIND_SAMPLES_CHOICE:
         return IMPID_RECORD_SAMPLE;
+    case IMPID_MESSAGES_BATCH_KIND_SAMPLES_WIDE_CHOICE:
+        return IMPID_RECORD_SAMPLE_WIDE;
     case IMPID_MESSAGES_BATCH_KIND_STATUS_CHOICE:
         return 8u * IMPID_MESSAGES_STATUS_SAMPLES_LENGTH;
     case IMPID_MESSAGES_BATCH_KIND_RESPONSE_CHOICE:
@@ -26,6 +29,7 @@ size_t impid_frame_record_size(uint8_t kind) {
 size_t impid_frame_encode(const struct impid_messages_batch_t *header, const uint8_t *records, uint8_t *out) {
     uint8_t raw[IMPID_FRAME_RAW_MAX];
     size_t size = header->count * impid_frame_record_size(header->kind);
+    IMPID_ASSERT(size <= IMPID_FRAME_RECORDS_MAX);
     (void)impid_messages_batch_pack(raw, header, sizeof raw);
     memcpy(&raw[IMPID_MESSAGES_BATCH_LENGTH], records, size);
     size_t length = IMPID_MESSAGES_BATCH_LENGTH + size;
@@ -71,6 +75,7 @@ static bool accept(impid_frame_parser_t *parser, size_t encoded, impid_frame_vie
 }
 
 bool impid_frame_parser_push(impid_frame_parser_t *parser, uint8_t byte, impid_frame_view_t *frame) {
+    IMPID_ASSERT(parser->length <= sizeof parser->buffer + 1u);
     if (byte != 0u) {
         if (parser->length < sizeof parser->buffer) {
             parser->buffer[parser->length] = byte;

@@ -5,7 +5,7 @@
  * not is dropped up to the next zero byte and counted by cause. Bytes before the first delimiter after an
  * oversized frame belong to that frame.
  * Ownership: the parser's buffer holds the frame shown, until the next byte is pushed.
- * Timing: main loop; constant a byte, and one pass over at most 185 bytes at a delimiter.
+ * Timing: main loop; constant a byte, and one pass over at most 265 bytes at a delimiter.
  * Can fail: encode never (the caller's count fits by IMPID_FRAME_RECORDS_MAX); the parser says so by its
  * counters.
  */
@@ -14,6 +14,7 @@
 
 #include "impid_cobs.h"
 #include "impid_messages.h"
+#include "impid_sensor.h"
 
 #include <stdbool.h>
 #include <stddef.h>
@@ -22,8 +23,15 @@
 #define IMPID_PROTOCOL_VERSION 1u
 #define IMPID_BATCH_SAMPLES    10u
 
-#define IMPID_RECORD_SAMPLE     (IMPID_MESSAGES_ACCEL_LENGTH + IMPID_MESSAGES_ENCODER_LENGTH)
-#define IMPID_FRAME_RECORDS_MAX (IMPID_BATCH_SAMPLES * IMPID_RECORD_SAMPLE)
+#define IMPID_RECORD_SAMPLE      (IMPID_MESSAGES_ACCEL_LENGTH + IMPID_MESSAGES_ENCODER_LENGTH)
+#define IMPID_RECORD_SAMPLE_WIDE (IMPID_RECORD_SAMPLE + IMPID_MESSAGES_ACCEL_FINE_LENGTH)
+/* A build for two axes never makes a wide sample, and to take one in is nobody's business but a test's. */
+#if IMPID_AXES_MAX > 2u
+#define IMPID_RECORD_SAMPLE_MAX IMPID_RECORD_SAMPLE_WIDE
+#else
+#define IMPID_RECORD_SAMPLE_MAX IMPID_RECORD_SAMPLE
+#endif
+#define IMPID_FRAME_RECORDS_MAX (IMPID_BATCH_SAMPLES * IMPID_RECORD_SAMPLE_MAX)
 #define IMPID_FRAME_RAW_MAX     (IMPID_MESSAGES_BATCH_LENGTH + IMPID_FRAME_RECORDS_MAX + 4u)
 #define IMPID_FRAME_ENCODED_MAX (IMPID_COBS_ENCODED_MAX(IMPID_FRAME_RAW_MAX) + 1u)
 

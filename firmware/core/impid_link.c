@@ -1,5 +1,7 @@
 #include "impid_link.h"
 
+#include "impid_assert.h"
+
 #include <string.h>
 
 static bool counted(impid_link_t *link, bool taken) {
@@ -17,6 +19,7 @@ bool impid_link_send_serial(impid_link_t *link, const impid_port_t *port,
     header.version = IMPID_PROTOCOL_VERSION;
     header.frame_seq = link->frame_seq++;
     size_t length = impid_frame_encode(&header, records, encoded);
+    IMPID_ASSERT(length <= sizeof encoded && encoded[length - 1u] == 0u);
     return counted(link, port->serial_send(port->context, encoded, length));
 }
 

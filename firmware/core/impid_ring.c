@@ -1,5 +1,7 @@
 #include "impid_ring.h"
 
+#include "impid_assert.h"
+
 _Static_assert((IMPID_RING_SAMPLES & (IMPID_RING_SAMPLES - 1u)) == 0u, "free-running indices need it");
 
 void impid_ring_clear(impid_ring_t *ring) {
@@ -13,6 +15,7 @@ bool impid_ring_push(impid_ring_t *ring, const impid_sample_t *sample) {
      * the old value only makes the ring look fuller than it is, never emptier. */
     uint32_t head = atomic_load_explicit(&ring->head, memory_order_relaxed);
     uint32_t tail = atomic_load_explicit(&ring->tail, memory_order_acquire);
+    IMPID_ASSERT(head - tail <= IMPID_RING_SAMPLES);
     if (head - tail == IMPID_RING_SAMPLES) {
         uint32_t lost = atomic_load_explicit(&ring->lost, memory_order_relaxed);
         atomic_store_explicit(&ring->lost, lost + 1u, memory_order_relaxed);
@@ -26,6 +29,7 @@ bool impid_ring_push(impid_ring_t *ring, const impid_sample_t *sample) {
 bool impid_ring_pop(impid_ring_t *ring, impid_sample_t *sample) {
     uint32_t tail = atomic_load_explicit(&ring->tail, memory_order_relaxed);
     uint32_t head = atomic_load_explicit(&ring->head, memory_order_acquire);
+    IMPID_ASSERT(head - tail <= IMPID_RING_SAMPLES);
     if (head == tail) {
         return false;
     }

@@ -12,6 +12,8 @@
 #ifndef IMPID_RING_H
 #define IMPID_RING_H
 
+#include "impid_sensor.h"
+
 #include <stdatomic.h>
 #include <stdbool.h>
 #include <stdint.h>
@@ -22,8 +24,9 @@ typedef struct {
     uint32_t index;
     uint32_t t_us; /* low half of the board's time */
     uint32_t encoder[2];
-    uint16_t accel[2];
-    uint8_t flags; /* IMPID_FLAG_* */
+    uint16_t accel[IMPID_AXES_MAX]; /* codes of 16 bits, or the upper 16 of codes of 24, */
+    uint8_t fine[IMPID_AXES_MAX];   /* of which these are the lower 8 */
+    uint8_t flags;                  /* IMPID_FLAG_* */
 } impid_sample_t;
 
 typedef struct {

@@ -1,12 +1,11 @@
-/* The accelerometer's self-test: drive its ST pin and see whether both outputs move as the data sheet says.
+/* The accelerometer's self-test: switch it on and see whether every output moves as its data sheet says.
  *
- * Data flow: fed with every sample while it runs; it averages 128 samples, drives the pin, waits, averages
- * again, releases the pin and judges the difference of the means. The board must stand still meanwhile.
- * Bounds: ADXL203 data sheet, output change 400 mV (min), 750 mV (typ), 1100 mV (max) at 5 V; in volts the
- * response goes with the cube of the supply (same sheet, operation at other voltages), and the converter's
- * reference is the supply.
- * Ownership: the state belongs to the core. Timing: main loop, constant a sample; 336 ms in all.
- * Can fail: the verdict says so for each axis.
+ * Data flow: fed with every sample while it runs; it averages 128 samples, drives the self-test, waits,
+ * averages again, releases it and judges the difference of the means. The board must stand still meanwhile.
+ * Bounds: the sensor's (impid_sensor.h). Of a ratiometric one they are in millivolts and go with the cube of
+ * the supply, which is the converter's reference; of a digital one they are in thousandths of a g. Ownership:
+ * the state belongs to the core. Timing: main loop, constant a sample; 336 ms in all. Can fail: the verdict
+ * says so for each axis.
  */
 #ifndef IMPID_SELFTEST_H
 #define IMPID_SELFTEST_H
@@ -14,10 +13,9 @@
 #include "impid_port.h"
 #include "impid_ring.h"
 
-#define IMPID_SELFTEST_MIN_MV_AT_5V 400u
-#define IMPID_SELFTEST_MAX_MV_AT_5V 1100u
 #define IMPID_SELFTEST_MEAN_SAMPLES 128u
-/* 40 ms: over a hundred time constants of the 500 Hz output filter, and ten lengths of ours. */
+/* 40 ms: over a hundred time constants of the ADXL203's output filter and ten lengths of ours; 22 group
+ * delays of the ADXL355's filter. */
 #define IMPID_SELFTEST_SETTLE_SAMPLES 40u
 
 typedef enum {
@@ -29,17 +27,18 @@ typedef enum {
 } impid_selftest_phase_t;
 
 typedef struct {
+    const impid_sensor_t *sensor;
     impid_selftest_phase_t phase;
-    uint32_t samples;   /* seen in this phase */
-    uint32_t before[2]; /* sums of codes */
-    uint32_t during[2];
-    uint16_t supply_mV; /* of accelerometer and converter reference */
-    int32_t response_mV[2];
-    uint8_t verdict; /* as STATUS_HEALTH.self_test */
+    uint32_t samples;                /* seen in this phase */
+    uint32_t before[IMPID_AXES_MAX]; /* sums of 128 codes of 24 bits: half of the word */
+    uint32_t during[IMPID_AXES_MAX];
+    uint16_t supply_mV;                 /* of accelerometer and converter reference */
+    int32_t response_m[IMPID_AXES_MAX]; /* mV, or thousandths of a g: as the sensor's limits */
+    uint8_t verdict;                    /* as STATUS_HEALTH.self_test */
 } impid_selftest_t;
 
-void impid_selftest_init(impid_selftest_t *selftest);
-/* supply_mV: of accelerometer and converter as it is now. */
+void impid_selftest_init(impid_selftest_t *selftest, const impid_sensor_t *sensor);
+/* supply_mV: of accelerometer and converter as it is now; of no matter to a digital sensor. */
 void impid_selftest_begin(impid_selftest_t *selftest, uint16_t supply_mV);
 /* Feeds one sample; true when that was the last and the verdict stands. */
 bool impid_selftest_sample(impid_selftest_t *selftest, const impid_sample_t *sample,

@@ -1,5 +1,6 @@
 #include "impid_settings.h"
 
+#include "impid_assert.h"
 #include "impid_crc32.h"
 
 #define ERASED_WORD    0xFFFFFFFFu
@@ -209,6 +210,8 @@ bool impid_settings_save(impid_settings_t *settings) {
         settings->sector = other;
         settings->next = 0u;
     }
+    IMPID_ASSERT(settings->sector < IMPID_SETTINGS_SECTORS && settings->next < places(settings, &present));
+    IMPID_ASSERT(settings->count > 0u && settings->count <= IMPID_SETTINGS_CAPACITY);
     uint32_t words[SNAPSHOT_WORDS];
     words[0] = LAYOUT | (settings->count << COUNT_SHIFT);
     words[1] = settings->sequence + 1u;

@@ -7,6 +7,7 @@
 #ifndef IMPID_STATE_H
 #define IMPID_STATE_H
 
+#include "impid_bench.h"
 #include "impid_frame.h"
 #include "impid_link.h"
 #include "impid_port.h"
@@ -22,6 +23,7 @@
 #define IMPID_FIRMWARE_VERSION 0x000200u /* major << 16 | minor << 8 | patch */
 
 typedef struct {
+    const impid_sensor_t *sensor; /* NULL: impid_adxl203 */
     uint32_t uid[3];
     uint32_t board_id;     /* CRC-32 of the board's name: an image is for one kind of board */
     uint32_t build_commit; /* impid_build.h */
@@ -29,12 +31,14 @@ typedef struct {
     uint16_t boot_id;           /* differs from that of the boot before */
     uint8_t reset_cause;        /* as STATUS_HEALTH.reset_cause */
     uint8_t clock_source;       /* as STATUS_HEALTH.clock_source */
+    uint32_t external_clock_hz; /* as the internal oscillator counts it; 0: not measured */
     uint32_t first_index;       /* index of the first sample after START */
     uint64_t boot_us;           /* the board's time at init; its low half is the port's counter */
     impid_settings_t *settings; /* NULL: this board keeps none, and knows no GET, SET, SAVE */
     const uint32_t *log;        /* the last fault record, NULL: none is kept, and LOG is not known */
     uint8_t log_words;
     const impid_update_port_t *slots; /* where an update goes; NULL: this board knows none */
+    const impid_bench_port_t *bench;  /* NULL: this board has no bench test */
     impid_trace_t *trace;             /* in memory that outlives a reset; NULL: this board has none */
 } impid_core_config_t;
 
@@ -49,6 +53,7 @@ typedef struct {
     impid_frame_parser_t parser;
     impid_replies_t replies;
     impid_update_t update;
+    impid_bench_t bench; /* its histogram is shared with the interrupt, under its contract */
     impid_link_t links[IMPID_CARRIERS];
     uint32_t accepted;     /* commands carried out */
     uint32_t rejected;     /* frames and commands that made no sense, apart from the parser's */

@@ -1,14 +1,16 @@
 #include "impid_stream.h"
 
+#include "impid_assert.h"
 #include "impid_sampler.h"
 
 #include <string.h>
 
 #define LOW28 0x0FFFFFFFu
 
-void impid_stream_init(impid_stream_t *stream, uint16_t boot_id, uint32_t first_index) {
+void impid_stream_init(impid_stream_t *stream, uint16_t boot_id, uint32_t first_index, bool wide) {
     memset(stream, 0, sizeof *stream);
     stream->boot_id = boot_id;
+    stream->wide = wide;
     stream->next_index = first_index;
     stream->reset_pending = true;
 }
@@ -32,7 +34,8 @@ static void flush(impid_stream_t *stream, impid_link_t *links, const impid_port_
         return;
     }
     struct impid_messages_batch_t header = {
-        .kind = IMPID_MESSAGES_BATCH_KIND_SAMPLES_CHOICE,
+        .kind = (uint8_t)(stream->wide ? IMPID_MESSAGES_BATCH_KIND_SAMPLES_WIDE_CHOICE
+                                       : IMPID_MESSAGES_BATCH_KIND_SAMPLES_CHOICE),
         .boot_id = stream->boot_id,
         .count = stream->count,
         .flags = stream->flags,
@@ -56,6 +59,10 @@ bool impid_stream_active(const impid_stream_t *stream) {
     return stream->on[IMPID_CARRIER_SERIAL] || stream->on[IMPID_CARRIER_CAN];
 }
 
+static size_t record_size(const impid_stream_t *stream) {
+    return stream->wide ? IMPID_RECORD_SAMPLE_WIDE : IMPID_RECORD_SAMPLE;
+}
+
 static void pack_sample(const impid_sample_t *sample, uint8_t record[IMPID_RECORD_SAMPLE]) {
     struct impid_messages_accel_t accel = {
         .ax = sample->accel[0],
@@ -74,6 +81,19 @@ static void pack_sample(const impid_sample_t *sample, uint8_t record[IMPID_RECOR
     (void)impid_messages_encoder_pack(&record[8], &encoder, 8u);
 }
 
+#if IMPID_AXES_MAX > 2u
+static void pack_fine(const impid_sample_t *sample, uint8_t out[IMPID_MESSAGES_ACCEL_FINE_LENGTH]) {
+    struct impid_messages_accel_fine_t fine = {
+        .az_high16 = sample->accel[2],
+        .ax_low8 = sample->fine[0],
+        .ay_low8 = sample->fine[1],
+        .az_low8 = sample->fine[2],
+        .index_low16 = (uint16_t)sample->index,
+    };
+    (void)impid_messages_accel_fine_pack(out, &fine, IMPID_MESSAGES_ACCEL_FINE_LENGTH);
+}
+#endif
+
 static void add_to_batch(impid_stream_t *stream, const impid_sample_t *sample, uint64_t t_us,
                          const uint8_t *record, impid_link_t *links, const impid_port_t *port) {
     bool follows = sample->index == stream->next_index && (!stream->began || t_us == stream->next_t_us);
@@ -85,7 +105,11 @@ static void add_to_batch(impid_stream_t *stream, const impid_sample_t *sample, u
         stream->first_index = sample->index;
         stream->t0_us = t_us;
     }
-    memcpy(&stream->records[stream->count * IMPID_RECORD_SAMPLE], record, IMPID_RECORD_SAMPLE);
+    /* The receiver has no index and no time of the others in a batch. */
+    IMPID_ASSERT(stream->count < IMPID_BATCH_SAMPLES);
+    IMPID_ASSERT(sample->index == stream->first_index + stream->count);
+    IMPID_ASSERT(t_us == stream->t0_us + (uint64_t)stream->count * IMPID_PERIOD_US);
+    memcpy(&stream->records[stream->count * record_size(stream)], record, record_size(stream));
     stream->count++;
     if (stream->count == IMPID_BATCH_SAMPLES) {
         flush(stream, links, port);
@@ -110,8 +134,13 @@ static void send_on_can(impid_stream_t *stream, const impid_sample_t *sample, ui
     if (stream->can_samples_to_time == 0u && send_time(stream, sample, t_us, link, port)) {
         stream->can_samples_to_time = IMPID_CAN_TIME_SAMPLES;
     }
+    IMPID_ASSERT(stream->can_samples_to_time <= IMPID_CAN_TIME_SAMPLES);
     if (stream->can_samples_to_time > 0u) {
         stream->can_samples_to_time--;
+    }
+    if (stream->wide) {
+        (void)impid_link_send_can(link, port, IMPID_MESSAGES_ACCEL_FINE_FRAME_ID,
+                                  &record[IMPID_RECORD_SAMPLE]);
     }
     (void)impid_link_send_can(link, port, IMPID_MESSAGES_ACCEL_FRAME_ID, &record[0]);
     (void)impid_link_send_can(link, port, IMPID_MESSAGES_ENCODER_FRAME_ID, &record[8]);
@@ -124,7 +153,13 @@ void impid_stream_sample(impid_stream_t *stream, const impid_sample_t *sample, u
         flagged.flags |= IMPID_FLAG_RESET;
         stream->reset_pending = false;
     }
-    uint8_t record[IMPID_RECORD_SAMPLE];
+    uint8_t record[IMPID_RECORD_SAMPLE_MAX];
+#if IMPID_AXES_MAX > 2u
+    if (stream->wide) {
+        flagged.flags |= IMPID_FLAG_FINE;
+        pack_fine(&flagged, &record[IMPID_RECORD_SAMPLE]);
+    }
+#endif
     pack_sample(&flagged, record);
     if (stream->on[IMPID_CARRIER_SERIAL]) {
         add_to_batch(stream, sample, t_us, record, links, port);

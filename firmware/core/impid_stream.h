@@ -3,7 +3,8 @@
  * Data flow: impid_stream_sample() takes each sample as it leaves the ring. For the serial line it collects
  * a batch and sends it when it holds ten, before a sample that does not follow on in index and time, when
  * the first has waited 20 ms, or at the end. For CAN it sends ACCEL and ENCODER at once, and TIME and EPOCH
- * of the same sample before them, for the first and then ten times a second.
+ * of the same sample before them, for the first and then ten times a second. Of a wide sensor ACCEL_FINE goes
+ * before ACCEL on CAN, so that ENCODER completes the sample, and behind ENCODER in a serial record.
  * Ownership: the state belongs to the core. Timing: main loop; a batch costs one encoding.
  * Can fail: a carrier without room; counted by the link.
  */
@@ -26,13 +27,14 @@ typedef struct {
     uint32_t next_index; /* that would follow the last sample seen */
     uint64_t next_t_us;
     uint16_t boot_id;
+    bool wide;               /* of the sensor: samples have an ACCEL_FINE */
     bool on[IMPID_CARRIERS]; /* carriers that asked for the stream */
     bool began;              /* a sample was seen since the stream began */
     bool reset_pending;      /* the next sample is the first since boot */
     uint32_t can_samples_to_time;
 } impid_stream_t;
 
-void impid_stream_init(impid_stream_t *stream, uint16_t boot_id, uint32_t first_index);
+void impid_stream_init(impid_stream_t *stream, uint16_t boot_id, uint32_t first_index, bool wide);
 /* A new stream; its first sample has this index. */
 void impid_stream_begin(impid_stream_t *stream, uint32_t first_index);
 void impid_stream_join(impid_stream_t *stream, impid_carrier_t carrier);

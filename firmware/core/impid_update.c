@@ -1,5 +1,7 @@
 #include "impid_update.h"
 
+#include "impid_assert.h"
+
 static uint32_t read(void *context, uint32_t slot, uint32_t word) {
     const impid_update_t *update = context;
     return update->port->flash->read(update->port->flash->context, slot, word);
@@ -7,6 +9,10 @@ static uint32_t read(void *context, uint32_t slot, uint32_t word) {
 
 static bool program(const impid_update_t *update, uint32_t slot, uint32_t word, uint32_t value) {
     const impid_flash_t *flash = update->port->flash;
+    /* Of the slot that runs only its confirmation is ever written: everything else is what a power cut must
+     * leave alone. */
+    IMPID_ASSERT(slot < IMPID_SLOTS && word < IMPID_SLOT_WORDS);
+    IMPID_ASSERT(slot != update->port->running || word == IMPID_SLOT_AT_CONFIRMED);
     return flash->program(flash->context, slot, word, value) &&
            flash->read(flash->context, slot, word) == value;
 }
@@ -42,6 +48,7 @@ impid_update_result_t impid_update_write(impid_update_t *update, uint8_t low, ui
     if (update->next > 0u && low == (uint8_t)(update->next - 1u) && word == update->last) {
         return IMPID_UPDATE_OK;
     }
+    IMPID_ASSERT(update->bytes == 0u || 4u * update->next <= update->bytes);
     if (low != (uint8_t)update->next || 4u * update->next >= update->bytes) {
         return IMPID_UPDATE_BAD_ITEM;
     }

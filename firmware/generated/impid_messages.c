@@ -646,6 +646,131 @@ bool impid_messages_encoder_index_low8_is_in_phys_range(double value)
     return ((value >= 0.0) && (value <= 255.0));
 }
 
+int impid_messages_accel_fine_pack(
+    uint8_t *dst_p,
+    const struct impid_messages_accel_fine_t *src_p,
+    size_t size)
+{
+    if (size < 8u) {
+        return (-EINVAL);
+    }
+
+    memset(&dst_p[0], 0, 8);
+
+    dst_p[0] |= pack_left_shift_u16(src_p->az_high16, 0u, 0xffu);
+    dst_p[1] |= pack_right_shift_u16(src_p->az_high16, 8u, 0xffu);
+    dst_p[2] |= pack_left_shift_u8(src_p->ax_low8, 0u, 0xffu);
+    dst_p[3] |= pack_left_shift_u8(src_p->ay_low8, 0u, 0xffu);
+    dst_p[4] |= pack_left_shift_u8(src_p->az_low8, 0u, 0xffu);
+    dst_p[5] |= pack_left_shift_u16(src_p->index_low16, 0u, 0xffu);
+    dst_p[6] |= pack_right_shift_u16(src_p->index_low16, 8u, 0xffu);
+    dst_p[7] |= pack_left_shift_u8(src_p->reserved, 0u, 0xffu);
+
+    return (8);
+}
+
+int impid_messages_accel_fine_unpack(
+    struct impid_messages_accel_fine_t *dst_p,
+    const uint8_t *src_p,
+    size_t size)
+{
+    if (size < 8u) {
+        return (-EINVAL);
+    }
+
+    dst_p->az_high16 = unpack_right_shift_u16(src_p[0], 0u, 0xffu);
+    dst_p->az_high16 |= unpack_left_shift_u16(src_p[1], 8u, 0xffu);
+    dst_p->ax_low8 = unpack_right_shift_u8(src_p[2], 0u, 0xffu);
+    dst_p->ay_low8 = unpack_right_shift_u8(src_p[3], 0u, 0xffu);
+    dst_p->az_low8 = unpack_right_shift_u8(src_p[4], 0u, 0xffu);
+    dst_p->index_low16 = unpack_right_shift_u16(src_p[5], 0u, 0xffu);
+    dst_p->index_low16 |= unpack_left_shift_u16(src_p[6], 8u, 0xffu);
+    dst_p->reserved = unpack_right_shift_u8(src_p[7], 0u, 0xffu);
+
+    return (0);
+}
+
+int impid_messages_accel_fine_init(struct impid_messages_accel_fine_t *msg_p)
+{
+    if (msg_p == NULL) return -1;
+
+    memset(msg_p, 0, sizeof(struct impid_messages_accel_fine_t));
+
+    return 0;
+}
+
+bool impid_messages_accel_fine_az_high16_is_in_range(uint16_t value)
+{
+    (void)value;
+
+    return (true);
+}
+
+bool impid_messages_accel_fine_az_high16_is_in_phys_range(double value)
+{
+    return ((value >= 0.0) && (value <= 65535.0));
+}
+
+bool impid_messages_accel_fine_ax_low8_is_in_range(uint8_t value)
+{
+    (void)value;
+
+    return (true);
+}
+
+bool impid_messages_accel_fine_ax_low8_is_in_phys_range(double value)
+{
+    return ((value >= 0.0) && (value <= 255.0));
+}
+
+bool impid_messages_accel_fine_ay_low8_is_in_range(uint8_t value)
+{
+    (void)value;
+
+    return (true);
+}
+
+bool impid_messages_accel_fine_ay_low8_is_in_phys_range(double value)
+{
+    return ((value >= 0.0) && (value <= 255.0));
+}
+
+bool impid_messages_accel_fine_az_low8_is_in_range(uint8_t value)
+{
+    (void)value;
+
+    return (true);
+}
+
+bool impid_messages_accel_fine_az_low8_is_in_phys_range(double value)
+{
+    return ((value >= 0.0) && (value <= 255.0));
+}
+
+bool impid_messages_accel_fine_index_low16_is_in_range(uint16_t value)
+{
+    (void)value;
+
+    return (true);
+}
+
+bool impid_messages_accel_fine_index_low16_is_in_phys_range(double value)
+{
+    return ((value >= 0.0) && (value <= 65535.0));
+}
+
+bool impid_messages_accel_fine_reserved_is_in_range(uint8_t value)
+{
+    (void)value;
+
+    return (true);
+}
+
+bool impid_messages_accel_fine_reserved_is_in_phys_range(double value)
+{
+    return ((value >= 0.0) && (value <= 255.0));
+}
+
 int impid_messages_time_pack(
     uint8_t *dst_p,
     const struct impid_messages_time_t *src_p,

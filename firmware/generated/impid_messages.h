@@ -50,6 +50,7 @@ extern "C" {
 #define IMPID_MESSAGES_PONG_FRAME_ID (0x108u)
 #define IMPID_MESSAGES_ACCEL_FRAME_ID (0x110u)
 #define IMPID_MESSAGES_ENCODER_FRAME_ID (0x111u)
+#define IMPID_MESSAGES_ACCEL_FINE_FRAME_ID (0x112u)
 #define IMPID_MESSAGES_TIME_FRAME_ID (0x118u)
 #define IMPID_MESSAGES_EPOCH_FRAME_ID (0x119u)
 #define IMPID_MESSAGES_STATUS_SAMPLES_FRAME_ID (0x120u)
@@ -68,6 +69,7 @@ extern "C" {
 #define IMPID_MESSAGES_PONG_LENGTH (8u)
 #define IMPID_MESSAGES_ACCEL_LENGTH (8u)
 #define IMPID_MESSAGES_ENCODER_LENGTH (8u)
+#define IMPID_MESSAGES_ACCEL_FINE_LENGTH (8u)
 #define IMPID_MESSAGES_TIME_LENGTH (8u)
 #define IMPID_MESSAGES_EPOCH_LENGTH (8u)
 #define IMPID_MESSAGES_STATUS_SAMPLES_LENGTH (8u)
@@ -86,6 +88,7 @@ extern "C" {
 #define IMPID_MESSAGES_PONG_IS_EXTENDED (0)
 #define IMPID_MESSAGES_ACCEL_IS_EXTENDED (0)
 #define IMPID_MESSAGES_ENCODER_IS_EXTENDED (0)
+#define IMPID_MESSAGES_ACCEL_FINE_IS_EXTENDED (0)
 #define IMPID_MESSAGES_TIME_IS_EXTENDED (0)
 #define IMPID_MESSAGES_EPOCH_IS_EXTENDED (0)
 #define IMPID_MESSAGES_STATUS_SAMPLES_IS_EXTENDED (0)
@@ -117,6 +120,7 @@ extern "C" {
 #define IMPID_MESSAGES_COMMAND_OPCODE_UPDATE_WRITE_CHOICE (13u)
 #define IMPID_MESSAGES_COMMAND_OPCODE_UPDATE_END_CHOICE (14u)
 #define IMPID_MESSAGES_COMMAND_OPCODE_UPDATE_CONFIRM_CHOICE (15u)
+#define IMPID_MESSAGES_COMMAND_OPCODE_BENCH_CHOICE (16u)
 
 #define IMPID_MESSAGES_COMMAND_ITEM_PROTOCOL_VERSION_CHOICE (0u)
 #define IMPID_MESSAGES_COMMAND_ITEM_FIRMWARE_VERSION_CHOICE (1u)
@@ -141,6 +145,11 @@ extern "C" {
 #define IMPID_MESSAGES_COMMAND_ITEM_BOARD_ID_CHOICE (20u)
 #define IMPID_MESSAGES_COMMAND_ITEM_UPDATE_SLOT_CHOICE (21u)
 #define IMPID_MESSAGES_COMMAND_ITEM_UPDATE_PENDING_CHOICE (22u)
+#define IMPID_MESSAGES_COMMAND_ITEM_EXTERNAL_CLOCK_HZ_CHOICE (23u)
+#define IMPID_MESSAGES_COMMAND_ITEM_SENSOR_CHOICE (28u)
+#define IMPID_MESSAGES_COMMAND_ITEM_AXES_CHOICE (29u)
+#define IMPID_MESSAGES_COMMAND_ITEM_READING_BITS_CHOICE (30u)
+#define IMPID_MESSAGES_COMMAND_ITEM_SELF_TEST_Z_MV_CHOICE (31u)
 #define IMPID_MESSAGES_COMMAND_ITEM_BOOT_COUNT_CHOICE (32u)
 #define IMPID_MESSAGES_COMMAND_ITEM_CAN_KBPS_CHOICE (33u)
 #define IMPID_MESSAGES_COMMAND_ITEM_ACCEL_X_ZERO_CHOICE (34u)
@@ -173,6 +182,19 @@ extern "C" {
 #define IMPID_MESSAGES_COMMAND_ITEM_FAULT_UPTIME_US_CHOICE (72u)
 #define IMPID_MESSAGES_COMMAND_ITEM_LAST_BOOT_ID_CHOICE (73u)
 #define IMPID_MESSAGES_COMMAND_ITEM_LAST_PRODUCED_CHOICE (74u)
+#define IMPID_MESSAGES_COMMAND_ITEM_BENCH_EDGE_CHOICE (96u)
+#define IMPID_MESSAGES_COMMAND_ITEM_BENCH_LEVELS_CHOICE (97u)
+#define IMPID_MESSAGES_COMMAND_ITEM_BENCH_COUNT_1_CHOICE (98u)
+#define IMPID_MESSAGES_COMMAND_ITEM_BENCH_COUNT_2_CHOICE (99u)
+#define IMPID_MESSAGES_COMMAND_ITEM_BENCH_CODES_CHOICE (100u)
+#define IMPID_MESSAGES_COMMAND_ITEM_BENCH_CAN_LOOPBACK_CHOICE (101u)
+#define IMPID_MESSAGES_COMMAND_ITEM_BENCH_CAN_LOOPED_CHOICE (102u)
+#define IMPID_MESSAGES_COMMAND_ITEM_BENCH_CUT_CHOICE (103u)
+#define IMPID_MESSAGES_COMMAND_ITEM_BENCH_HANG_CHOICE (104u)
+#define IMPID_MESSAGES_COMMAND_ITEM_BENCH_HISTOGRAM_CHOICE (105u)
+#define IMPID_MESSAGES_COMMAND_ITEM_BENCH_HISTOGRAM_LEFT_CHOICE (106u)
+#define IMPID_MESSAGES_COMMAND_ITEM_BENCH_HISTOGRAM_BASE_CHOICE (107u)
+#define IMPID_MESSAGES_COMMAND_ITEM_BENCH_HISTOGRAM_BIN_CHOICE (108u)
 
 #define IMPID_MESSAGES_RESPONSE_OPCODE_INFO_CHOICE (1u)
 #define IMPID_MESSAGES_RESPONSE_OPCODE_START_CHOICE (2u)
@@ -189,6 +211,7 @@ extern "C" {
 #define IMPID_MESSAGES_RESPONSE_OPCODE_UPDATE_WRITE_CHOICE (13u)
 #define IMPID_MESSAGES_RESPONSE_OPCODE_UPDATE_END_CHOICE (14u)
 #define IMPID_MESSAGES_RESPONSE_OPCODE_UPDATE_CONFIRM_CHOICE (15u)
+#define IMPID_MESSAGES_RESPONSE_OPCODE_BENCH_CHOICE (16u)
 
 #define IMPID_MESSAGES_RESPONSE_RESULT_OK_CHOICE (0u)
 #define IMPID_MESSAGES_RESPONSE_RESULT_UNKNOWN_OPCODE_CHOICE (1u)
@@ -219,11 +242,16 @@ extern "C" {
 #define IMPID_MESSAGES_STATUS_HEALTH_SELF_TEST_FAILED_Y_CHOICE (3u)
 #define IMPID_MESSAGES_STATUS_HEALTH_SELF_TEST_FAILED_BOTH_CHOICE (4u)
 #define IMPID_MESSAGES_STATUS_HEALTH_SELF_TEST_RUNNING_CHOICE (5u)
+#define IMPID_MESSAGES_STATUS_HEALTH_SELF_TEST_FAILED_Z_CHOICE (6u)
+#define IMPID_MESSAGES_STATUS_HEALTH_SELF_TEST_FAILED_X_Z_CHOICE (7u)
+#define IMPID_MESSAGES_STATUS_HEALTH_SELF_TEST_FAILED_Y_Z_CHOICE (8u)
+#define IMPID_MESSAGES_STATUS_HEALTH_SELF_TEST_FAILED_ALL_CHOICE (9u)
 
 #define IMPID_MESSAGES_BATCH_KIND_SAMPLES_CHOICE (1u)
 #define IMPID_MESSAGES_BATCH_KIND_STATUS_CHOICE (2u)
 #define IMPID_MESSAGES_BATCH_KIND_RESPONSE_CHOICE (3u)
 #define IMPID_MESSAGES_BATCH_KIND_PONG_CHOICE (4u)
+#define IMPID_MESSAGES_BATCH_KIND_SAMPLES_WIDE_CHOICE (5u)
 #define IMPID_MESSAGES_BATCH_KIND_COMMAND_CHOICE (16u)
 
 /* Frame Names. */
@@ -232,6 +260,7 @@ extern "C" {
 #define IMPID_MESSAGES_PONG_NAME "PONG"
 #define IMPID_MESSAGES_ACCEL_NAME "ACCEL"
 #define IMPID_MESSAGES_ENCODER_NAME "ENCODER"
+#define IMPID_MESSAGES_ACCEL_FINE_NAME "ACCEL_FINE"
 #define IMPID_MESSAGES_TIME_NAME "TIME"
 #define IMPID_MESSAGES_EPOCH_NAME "EPOCH"
 #define IMPID_MESSAGES_STATUS_SAMPLES_NAME "STATUS_SAMPLES"
@@ -265,6 +294,12 @@ extern "C" {
 #define IMPID_MESSAGES_ENCODER_ENC1_LOW28_NAME "enc1_low28"
 #define IMPID_MESSAGES_ENCODER_ENC2_LOW28_NAME "enc2_low28"
 #define IMPID_MESSAGES_ENCODER_INDEX_LOW8_NAME "index_low8"
+#define IMPID_MESSAGES_ACCEL_FINE_AZ_HIGH16_NAME "az_high16"
+#define IMPID_MESSAGES_ACCEL_FINE_AX_LOW8_NAME "ax_low8"
+#define IMPID_MESSAGES_ACCEL_FINE_AY_LOW8_NAME "ay_low8"
+#define IMPID_MESSAGES_ACCEL_FINE_AZ_LOW8_NAME "az_low8"
+#define IMPID_MESSAGES_ACCEL_FINE_INDEX_LOW16_NAME "index_low16"
+#define IMPID_MESSAGES_ACCEL_FINE_RESERVED_NAME "reserved"
 #define IMPID_MESSAGES_TIME_T_US_NAME "t_us"
 #define IMPID_MESSAGES_TIME_INDEX_LOW16_NAME "index_low16"
 #define IMPID_MESSAGES_EPOCH_INDEX_NAME "index"
@@ -329,7 +364,7 @@ struct impid_messages_command_t {
     uint8_t opcode;
 
     /**
-     * INFO takes items 0 to 31, GET and SET take settings from 32 on, LOG takes the words of the last fault record from 64 on and what the boot before had sampled; UPDATE_WRITE takes the low byte of the word's number; the other opcodes ignore it.
+     * INFO takes items 0 to 31, GET and SET take settings from 32 on, LOG takes the words of the last fault record from 64 on and what the boot before had sampled; UPDATE_WRITE takes the low byte of the word's number; BENCH takes items from 96 on; the other opcodes ignore it.
      *
      * Range: 0..255 (0..255 -)
      * Scale: 1
@@ -375,7 +410,7 @@ struct impid_messages_response_t {
     uint8_t result;
 
     /**
-     * INFO: the item (SELF_TEST_*_MV are signed: response of the last self-test). START: index of the next sample. STOP: samples produced since START, those lost included.
+     * INFO: the item (SELF_TEST_*_MV are signed: response of the last self-test; of a digital sensor, as VREF_MV, in thousandths of a g). START: index of the next sample. STOP: samples produced since START, those lost included.
      *
      * Range: 0..4294967295 (0..4294967295 -)
      * Scale: 1
@@ -446,7 +481,7 @@ struct impid_messages_accel_t {
     uint16_t index_low16;
 
     /**
-     * bit 0 ADC saturated, bit 1 encoder fault, bit 2 sample late, bit 3 reset since the last sample, bit 4 sync edge.
+     * bit 0 ADC saturated, bit 1 encoder fault, bit 2 sample late, bit 3 reset since the last sample, bit 4 sync edge, bit 5 ACCEL_FINE belongs to this sample.
      *
      * Range: 0..255 (0..255 -)
      * Scale: 1
@@ -497,6 +532,57 @@ struct impid_messages_encoder_t {
      * Offset: 0
      */
     uint8_t index_low8;
+};
+
+/**
+ * Signals in message ACCEL_FINE.
+ *
+ * Of a sensor with three axes or more than 16 bits: the third axis, and what codes of 24 bits have below the 16 of ACCEL. On CAN it comes before the ACCEL of the same sample.
+ *
+ * All signal values are as on the CAN bus.
+ */
+struct impid_messages_accel_fine_t {
+    /**
+     * Range: 0..65535 (0..65535 code)
+     * Scale: 1
+     * Offset: 0
+     */
+    uint16_t az_high16;
+
+    /**
+     * Range: 0..255 (0..255 code)
+     * Scale: 1
+     * Offset: 0
+     */
+    uint8_t ax_low8;
+
+    /**
+     * Range: 0..255 (0..255 code)
+     * Scale: 1
+     * Offset: 0
+     */
+    uint8_t ay_low8;
+
+    /**
+     * Range: 0..255 (0..255 code)
+     * Scale: 1
+     * Offset: 0
+     */
+    uint8_t az_low8;
+
+    /**
+     * Range: 0..65535 (0..65535 -)
+     * Scale: 1
+     * Offset: 0
+     */
+    uint16_t index_low16;
+
+    /**
+     * Range: 0..255 (0..255 -)
+     * Scale: 1
+     * Offset: 0
+     */
+    uint8_t reserved;
 };
 
 /**
@@ -1492,6 +1578,175 @@ bool impid_messages_encoder_index_low8_is_in_range(uint8_t value);
  * @return true if in range, false otherwise.
  */
 bool impid_messages_encoder_index_low8_is_in_phys_range(double value);
+
+/**
+ * Pack message ACCEL_FINE.
+ *
+ * @param[out] dst_p Buffer to pack the message into.
+ * @param[in] src_p Data to pack.
+ * @param[in] size Size of dst_p.
+ *
+ * @return Size of packed data, or negative error code.
+ */
+int impid_messages_accel_fine_pack(
+    uint8_t *dst_p,
+    const struct impid_messages_accel_fine_t *src_p,
+    size_t size);
+
+/**
+ * Unpack message ACCEL_FINE.
+ *
+ * @param[out] dst_p Object to unpack the message into.
+ * @param[in] src_p Message to unpack.
+ * @param[in] size Size of src_p.
+ *
+ * @return zero(0) or negative error code.
+ */
+int impid_messages_accel_fine_unpack(
+    struct impid_messages_accel_fine_t *dst_p,
+    const uint8_t *src_p,
+    size_t size);
+
+/**
+ * Init message fields to default values from ACCEL_FINE.
+ *
+ * @param[in] msg_p Message to init.
+ *
+ * @return zero(0) on success or (-1) in case of nullptr argument.
+ */
+int impid_messages_accel_fine_init(struct impid_messages_accel_fine_t *msg_p);
+
+/**
+ * Check that given signal is in allowed range.
+ *
+ * @param[in] value Signal to check.
+ *
+ * @return true if in range, false otherwise.
+ */
+bool impid_messages_accel_fine_az_high16_is_in_range(uint16_t value);
+
+/**
+ * Check that given physical value is in allowed range before encoding.
+ *
+ * Use this BEFORE calling _encode() to avoid silent integer overflow:
+ *   encode(-1.0) on a [0,100] signal wraps to 255 and passes is_in_range().
+ *   is_in_phys_range(-1.0) correctly returns false.
+ *
+ * @param[in] value Physical signal value to check.
+ *
+ * @return true if in range, false otherwise.
+ */
+bool impid_messages_accel_fine_az_high16_is_in_phys_range(double value);
+
+/**
+ * Check that given signal is in allowed range.
+ *
+ * @param[in] value Signal to check.
+ *
+ * @return true if in range, false otherwise.
+ */
+bool impid_messages_accel_fine_ax_low8_is_in_range(uint8_t value);
+
+/**
+ * Check that given physical value is in allowed range before encoding.
+ *
+ * Use this BEFORE calling _encode() to avoid silent integer overflow:
+ *   encode(-1.0) on a [0,100] signal wraps to 255 and passes is_in_range().
+ *   is_in_phys_range(-1.0) correctly returns false.
+ *
+ * @param[in] value Physical signal value to check.
+ *
+ * @return true if in range, false otherwise.
+ */
+bool impid_messages_accel_fine_ax_low8_is_in_phys_range(double value);
+
+/**
+ * Check that given signal is in allowed range.
+ *
+ * @param[in] value Signal to check.
+ *
+ * @return true if in range, false otherwise.
+ */
+bool impid_messages_accel_fine_ay_low8_is_in_range(uint8_t value);
+
+/**
+ * Check that given physical value is in allowed range before encoding.
+ *
+ * Use this BEFORE calling _encode() to avoid silent integer overflow:
+ *   encode(-1.0) on a [0,100] signal wraps to 255 and passes is_in_range().
+ *   is_in_phys_range(-1.0) correctly returns false.
+ *
+ * @param[in] value Physical signal value to check.
+ *
+ * @return true if in range, false otherwise.
+ */
+bool impid_messages_accel_fine_ay_low8_is_in_phys_range(double value);
+
+/**
+ * Check that given signal is in allowed range.
+ *
+ * @param[in] value Signal to check.
+ *
+ * @return true if in range, false otherwise.
+ */
+bool impid_messages_accel_fine_az_low8_is_in_range(uint8_t value);
+
+/**
+ * Check that given physical value is in allowed range before encoding.
+ *
+ * Use this BEFORE calling _encode() to avoid silent integer overflow:
+ *   encode(-1.0) on a [0,100] signal wraps to 255 and passes is_in_range().
+ *   is_in_phys_range(-1.0) correctly returns false.
+ *
+ * @param[in] value Physical signal value to check.
+ *
+ * @return true if in range, false otherwise.
+ */
+bool impid_messages_accel_fine_az_low8_is_in_phys_range(double value);
+
+/**
+ * Check that given signal is in allowed range.
+ *
+ * @param[in] value Signal to check.
+ *
+ * @return true if in range, false otherwise.
+ */
+bool impid_messages_accel_fine_index_low16_is_in_range(uint16_t value);
+
+/**
+ * Check that given physical value is in allowed range before encoding.
+ *
+ * Use this BEFORE calling _encode() to avoid silent integer overflow:
+ *   encode(-1.0) on a [0,100] signal wraps to 255 and passes is_in_range().
+ *   is_in_phys_range(-1.0) correctly returns false.
+ *
+ * @param[in] value Physical signal value to check.
+ *
+ * @return true if in range, false otherwise.
+ */
+bool impid_messages_accel_fine_index_low16_is_in_phys_range(double value);
+
+/**
+ * Check that given signal is in allowed range.
+ *
+ * @param[in] value Signal to check.
+ *
+ * @return true if in range, false otherwise.
+ */
+bool impid_messages_accel_fine_reserved_is_in_range(uint8_t value);
+
+/**
+ * Check that given physical value is in allowed range before encoding.
+ *
+ * Use this BEFORE calling _encode() to avoid silent integer overflow:
+ *   encode(-1.0) on a [0,100] signal wraps to 255 and passes is_in_range().
+ *   is_in_phys_range(-1.0) correctly returns false.
+ *
+ * @param[in] value Physical signal value to check.
+ *
+ * @return true if in range, false otherwise.
+ */
+bool impid_messages_accel_fine_reserved_is_in_phys_range(double value);
 
 /**
  * Pack message TIME.

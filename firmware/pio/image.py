@@ -15,6 +15,8 @@ Import("env")
 
 MARK = 0x31544C53  # core/impid_slots.h
 MODIFIED, KNOWN = 1, 2  # core/impid_build.h
+# What the flash takes at once: a word of the header has so much for itself, and an image is a multiple of it.
+UNIT = int(env.GetProjectOption("custom_flash_bytes", "4"))
 
 
 def read_image(elf):
@@ -24,14 +26,17 @@ def read_image(elf):
     subprocess.run(command, check=True)
     image = binary.read_bytes()
     binary.unlink()
-    return image + b"\xff" * (-len(image) % 4)
+    return image + b"\xff" * (-len(image) % UNIT)
 
 
 def fill_header(elf, image):
     """Length and checksum into the header: what a probe flashes needs no trial."""
     words = (MARK, len(image), zlib.crc32(image), 1, 0, 0)
     header = elf.with_suffix(".header")
-    header.write_bytes(b"".join(word.to_bytes(4, "little") for word in words))
+    rest = b"\xff" * (UNIT - 4)
+    header.write_bytes(
+        b"".join(word.to_bytes(4, "little") + (rest if word else b"\0" * len(rest)) for word in words)
+    )
     subprocess.run([env.subst("$OBJCOPY"), "--update-section", f".header={header}", str(elf)], check=True)
     header.unlink()
 

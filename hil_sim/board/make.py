@@ -5,6 +5,7 @@ from pathlib import Path
 
 from hil_sim.board.native import BoardConfig, NativeBoard
 from hil_sim.board.protocol import Board
+from hil_sim.sensors import adxl355
 
 BoardMaker = Callable[[BoardConfig], Board]
 
@@ -21,6 +22,7 @@ def maker(binary: Path | None) -> BoardMaker:
         return NativeBoard
     # The emulator is loaded by those who want it only.
     from hil_sim.board.elf.board import ElfBoard  # noqa: PLC0415
+    from hil_sim.board.elf.wiring import NUCLEO, NUCLEO_ADXL355  # noqa: PLC0415
 
     made: list[ElfBoard] = []
 
@@ -28,7 +30,8 @@ def maker(binary: Path | None) -> BoardMaker:
         if made and made[-1].reset_requested:
             made[-1].reboot()
         else:
-            made[:] = [ElfBoard(binary, config)]
+            wiring = NUCLEO_ADXL355 if config.part == adxl355.PART else NUCLEO
+            made[:] = [ElfBoard(binary, config, wiring=wiring)]
         return made[-1]
 
     return make

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil_sim._native import ffi, lib
+from hil_sim.sensors import adxl355
 
 TICK_US = 1000
 TAKE_BYTES = 65536
@@ -37,6 +38,7 @@ class BoardConfig:
         start_us: board time of the first tick.
         serial_bytes_per_ms: what the serial line carries; 0: no limit.
         can_frames_per_ms: what the bus carries; 0: no limit.
+        part: of the accelerometer; ADXL355 is a sensor of its own, all others are read like the ADXL203.
         flash: FLASH_BYTES keeping the settings; a writable `mmap` keeps them in a file. What `replace`
             makes of this configuration shares it, as boots of one board do.
         retained: RETAINED_BYTES that a reset leaves as they are, and a loss of power does not; shared too.
@@ -49,6 +51,7 @@ class BoardConfig:
     start_us: int = 0
     serial_bytes_per_ms: int = 92
     can_frames_per_ms: int = 0
+    part: str = "ADXL203"
     flash: bytearray | mmap = field(default_factory=new_flash, repr=False, compare=False)
     retained: bytearray = field(default_factory=unpowered_memory, repr=False, compare=False)
 
@@ -60,6 +63,7 @@ class NativeBoard:
         if len(config.flash) != FLASH_BYTES:
             raise ValueError(f"a flash of {len(config.flash)} bytes; the board's has {FLASH_BYTES}")
         self._next_tick_us = config.start_us
+        self._digital = config.part == adxl355.PART
         self._flash = ffi.from_buffer("uint32_t[]", config.flash, require_writable=True)
         self._retained = ffi.from_buffer("uint32_t[]", config.retained, require_writable=True)
         board = lib.impid_board_new(
@@ -73,6 +77,7 @@ class NativeBoard:
                     "start_us": config.start_us,
                     "serial_bytes_per_ms": config.serial_bytes_per_ms,
                     "can_frames_per_ms": config.can_frames_per_ms,
+                    "digital": config.part == adxl355.PART,
                     "flash": self._flash,
                     "retained": self._retained,
                 },
@@ -116,17 +121,26 @@ class NativeBoard:
 
     def run(
         self,
-        adc: NDArray[np.uint16],
+        adc: NDArray[np.uint16] | NDArray[np.uint32],
         encoder: NDArray[np.int32],
         faults: NDArray[np.uint8] | None = None,
     ) -> None:
-        """Runs one tick per row. adc: (n, 8, 2) codes; encoder: (n, 2) counts; faults: (n,) bits."""
+        """Runs one tick per row.
+
+        Args:
+            adc: codes, shape (n, 8, 2) of 16 bits; of the digital sensor shape (n, 1, 3) of 32 bits.
+            encoder: counts, shape (n, 2).
+            faults: bits, shape (n,).
+        """
         pointer = ffi.from_buffer
         ticks = encoder.shape[0]
-        lib.impid_board_run(
+        run, words = (lib.impid_board_run_wide, 3) if self._digital else (lib.impid_board_run, 16)
+        if adc.dtype != (np.uint32 if self._digital else np.uint16) or adc.size != ticks * words:
+            raise ValueError(f"{adc.shape} readings of {adc.dtype} are not {ticks} ticks of this sensor")
+        run(
             self._board,
             ticks,
-            pointer("uint16_t[]", np.ascontiguousarray(adc)),
+            pointer("uint32_t[]" if self._digital else "uint16_t[]", np.ascontiguousarray(adc)),
             pointer("int32_t[]", np.ascontiguousarray(encoder)),
             ffi.NULL if faults is None else pointer("uint8_t[]", np.ascontiguousarray(faults)),
         )

@@ -31,11 +31,14 @@ class Board(Protocol):
 
     def run(
         self,
-        adc: NDArray[np.uint16],
+        adc: NDArray[np.uint16] | NDArray[np.uint32],
         encoder: NDArray[np.int32],
         faults: NDArray[np.uint8] | None = None,
     ) -> None:
-        """Runs one tick per row. adc: (n, 8, 2) codes; encoder: (n, 2) counts; faults: (n,) bits."""
+        """Runs one tick per row.
+
+        adc: (n, 8, 2) codes, of a digital sensor (n, 1, 3); encoder: (n, 2) counts; faults: (n,) bits.
+        """
 
     @property
     def lines_idle_us(self) -> int:

@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 
 from hil_sim.board import layout
 
+FLAG_FINE = 0x20  # IMPID_FLAG_FINE
 HEADER_BYTES = 20
 CRC_BYTES = 4
-SAMPLE_BYTES = 16
 
 
 @dataclass(frozen=True)
@@ -39,15 +39,16 @@ class Frame:
 
 @dataclass(frozen=True)
 class Samples:
-    """Decoded samples, n of them; columns as in device.csv."""
+    """Decoded samples, n of them; columns as in device.csv. az is None of a sensor with two axes."""
 
     t_us: NDArray[np.int64]
     seq: NDArray[np.uint32]
-    ax: NDArray[np.uint16]
-    ay: NDArray[np.uint16]
+    ax: NDArray[np.uint32]
+    ay: NDArray[np.uint32]
     enc1: NDArray[np.int32]
     enc2: NDArray[np.int32]
     flags: NDArray[np.uint8]
+    az: NDArray[np.uint32] | None = None
 
 
 class FrameReader:
@@ -125,25 +126,37 @@ def accepts_start(frame: Frame) -> bool:
     return bool(np.any(start & (answer["result"] == layout.code("RESPONSE", "result", "OK"))))
 
 
+def sample_kinds() -> tuple[int, int]:
+    """The kinds of frames that hold samples."""
+    return layout.code("BATCH", "kind", "SAMPLES"), layout.code("BATCH", "kind", "SAMPLES_WIDE")
+
+
 def samples(frames: list[Frame]) -> Samples:
-    """The samples in all SAMPLES frames, in the order in which they came."""
-    kind = layout.code("BATCH", "kind", "SAMPLES")
-    batches = [frame for frame in frames if frame.kind == kind]
+    """The samples in all SAMPLES or SAMPLES_WIDE frames, in the order in which they came; of one sensor."""
+    batches = [frame for frame in frames if frame.kind in sample_kinds()]
+    wide = any(frame.kind == layout.code("BATCH", "kind", "SAMPLES_WIDE") for frame in batches)
     counts = np.array([frame.count for frame in batches], dtype=np.int64)
     within = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
     first = np.repeat(np.array([frame.first_index for frame in batches], dtype=np.int64), counts)
     start = np.repeat(np.array([frame.t0_us for frame in batches], dtype=np.int64), counts)
     joined = b"".join(frame.records for frame in batches)
-    records = np.frombuffer(joined, dtype=np.uint8).reshape(-1, SAMPLE_BYTES)
+    records = np.frombuffer(joined, dtype=np.uint8).reshape(-1, 24 if wide else 16)
     accel = layout.unpack("ACCEL", records[:, :8])
-    encoder = layout.unpack("ENCODER", records[:, 8:])
+    encoder = layout.unpack("ENCODER", records[:, 8:16])
     shift = np.uint64(28)
+    ax, ay, az = accel["ax"], accel["ay"], None
+    if wide:
+        fine = layout.unpack("ACCEL_FINE", records[:, 16:])
+        eight = np.uint64(8)
+        ax, ay = ax << eight | fine["ax_low8"], ay << eight | fine["ay_low8"]
+        az = (fine["az_high16"] << eight | fine["az_low8"]).astype(np.uint32)
     return Samples(
         t_us=start + 1000 * within,
         seq=(first + within).astype(np.uint32),
-        ax=accel["ax"].astype(np.uint16),
-        ay=accel["ay"].astype(np.uint16),
+        ax=ax.astype(np.uint32),
+        ay=ay.astype(np.uint32),
         enc1=((accel["enc1_high4"] << shift) | encoder["enc1_low28"]).astype(np.uint32).view(np.int32),
         enc2=((accel["enc2_high4"] << shift) | encoder["enc2_low28"]).astype(np.uint32).view(np.int32),
-        flags=accel["flags"].astype(np.uint8),
+        flags=accel["flags"].astype(np.uint8) & np.uint8(0xFF ^ FLAG_FINE),
+        az=az,
     )

@@ -11,6 +11,11 @@ SEED = click.option(
 TRIAL = click.option("--trial", metavar="NAME", help="A trial of the scenario.")
 FILE = click.Path(dir_okay=False, path_type=Path)
 FOLDER = click.Path(file_okay=False, path_type=Path)
+SENSOR = click.option(
+    "--sensor",
+    type=click.Choice(["adxl203", "adxl355"]),
+    help="Another accelerometer than the scenario's, as its data sheet has it.",
+)
 ELF = click.option(
     "--elf",
     "binary",

@@ -8,9 +8,10 @@ from pathlib import Path
 
 import click
 
-from hil_sim.cli.options import ELF, FILE, SCENARIO, SEED
+from hil_sim.cli.options import ELF, FILE, SCENARIO, SEED, SENSOR
 from hil_sim.scenarios.load import load
 from hil_sim.scenarios.load import trial as find_trial
+from hil_sim.scenarios.sensor import with_sensor
 from hil_sim.serve.connect import CARRIERS, DEFAULT_CARRIER, CarrierName, Connection
 from hil_sim.serve.session import ServeOptions, serve
 
@@ -46,6 +47,7 @@ from hil_sim.serve.session import ServeOptions, serve
     metavar="N",
     help="The board off the robot, on a dividing head that goes on by 360/N degrees after each stream.",
 )
+@SENSOR
 @ELF
 @click.option("--until-stdin-closes", is_flag=True, help="End when whoever started this is gone.")
 def command(
@@ -61,6 +63,7 @@ def command(
     truth_file: Path | None,
     flash_file: Path | None,
     tumble_positions: int | None,
+    sensor: str | None,
     binary: Path | None,
     until_stdin_closes: bool,
 ) -> None:
@@ -77,7 +80,7 @@ def command(
       impid-sim serve first-light --carrier slcan --link /tmp/can-adapter
       impid-sim serve first-light --link /tmp/board --flash board.flash
     """
-    loaded = load(scenario)
+    loaded = with_sensor(load(scenario), sensor)
     if until_stdin_closes:
         threading.Thread(target=_end_with_stdin, daemon=True).start()
     serve(

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from scipy.signal import butter, sosfiltfilt
 
 from hil_sim.sensors.accelerometer import STANDARD_GRAVITY
-from hil_sim.world import CONVERSIONS, TICK_US, TrialTruth, World
+from hil_sim.sensors.adc import CONVERSIONS
+from hil_sim.world import TICK_US, TrialTruth, World
 
 Array = NDArray[np.float64]
 PASS_HZ = 4.5

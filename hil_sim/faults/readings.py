@@ -12,7 +12,8 @@ from hil_sim.world import Readings
 ENCODER_FAULT = 0x01
 STALLED = 0x08
 
-RAIL_CODE = {"high": 4095, "low": 0}
+# By the width of a reading: the 12-bit converter's, the digital sensor's of 20 bits.
+HIGHEST_CODE = {np.dtype(np.uint16): 4095, np.dtype(np.uint32): 0xFFFFF}
 AXES = {"x": slice(0, 1), "y": slice(1, 2), "both": slice(0, 2)}
 
 
@@ -20,7 +21,7 @@ class FaultyReadings:
     """Stands between world and board. Nothing is wrong until one of its methods says so."""
 
     def __init__(self) -> None:
-        self._rail: dict[str, int] = {}  # axis -> code
+        self._rail: dict[str, Literal["high", "low"]] = {}  # by axis
         self._broken: dict[int, bool] = {}  # encoder (0 or 1) -> its line driver tells the board
         self._last: NDArray[np.int32] | None = None  # what the encoders truly counted
         self._missed = np.zeros(2, dtype=np.int32)  # counts that the board's counters never saw
@@ -28,7 +29,7 @@ class FaultyReadings:
 
     def saturate(self, axis: Literal["x", "y", "both"], rail: Literal["high", "low"]) -> None:
         """An input of the converter is driven to a rail."""
-        self._rail[axis] = RAIL_CODE[rail]
+        self._rail[axis] = rail
 
     def release(self, axis: Literal["x", "y", "both"]) -> None:
         """The input follows the sensor again."""
@@ -53,9 +54,9 @@ class FaultyReadings:
         ticks = len(readings.encoder)
         flags = np.full(ticks, STALLED if self.hanging else 0, dtype=np.uint8)
         adc, encoder = readings.adc, readings.encoder - self._missed
-        for axis, code in self._rail.items():
+        for axis, rail in self._rail.items():
             adc = adc.copy()
-            adc[:, :, AXES[axis]] = code
+            adc[:, :, AXES[axis]] = HIGHEST_CODE[adc.dtype] if rail == "high" else 0
         for index, reported in self._broken.items():
             if self._last is None:
                 self._last = readings.encoder[0].copy()

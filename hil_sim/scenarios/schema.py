@@ -62,11 +62,18 @@ class SetupAccelerometer(_Table):
 
     part: str = "ADXL203"
     vref_V: Positive
-    full_scale_code: Literal[65536] = 65536
+    full_scale_code: Literal[65536, 16777216] = 65536
     zero_g_V: Pair
     sensitivity_V_per_g: PositivePair
     mount: Literal["link2", "fixed"] = "link2"
     mount_angle_rad: float = 0.0
+
+    @model_validator(mode="after")
+    def _width_fits_part(self) -> "SetupAccelerometer":
+        expected = 16777216 if self.part == "ADXL355" else 65536
+        if self.full_scale_code != expected:
+            raise ValueError(f"full_scale_code of the part {self.part} is {expected}: correct one of them")
+        return self
 
 
 class SetupHandle(_Table):
@@ -299,12 +306,11 @@ class Trial(_Table):
     duration_s: Annotated[float, Field(gt=0.0, le=86400.0)] = 50.0
     robot_zero_s: float = 0.0
     note: str = ""
-    command_csv: str | None = None  # perturbation to play, columns fdx, fdy (N) at 500 rows a second
+    # What to play: fdx, fdy (N) at 500 rows a second in stochastic trials, else theta1, omega1, ... at 1000.
+    command_csv: str | None = None
 
     @model_validator(mode="after")
     def _load_fits_kind(self) -> "Trial":
-        if self.command_csv is not None and self.kind != "stochastic":
-            raise ValueError("command_csv is for stochastic trials: remove it")
         if self.kind == "free" and self.load is not None:
             raise ValueError("a free trial has nothing on the end-effector: remove load, or change kind")
         if self.kind != "free" and self.load is None:

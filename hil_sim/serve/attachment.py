@@ -8,7 +8,7 @@ import numpy as np
 
 from hil_sim.board import layout
 from hil_sim.board.protocol import Board
-from hil_sim.board.wire import FrameReader, accepts_start
+from hil_sim.board.wire import FrameReader, accepts_start, sample_kinds
 from hil_sim.carriers.protocol import Cable, CanCarrier, CanFrame, Carrier
 from hil_sim.faults.bus import FaultyBus
 from hil_sim.faults.line import FaultyLine
@@ -101,9 +101,8 @@ class SerialAttachment:
             return Sent(0, started=False)
         frames = self._reader.feed(data)
         self.line.send(data)
-        kind = layout.code("BATCH", "kind", "SAMPLES")
         return Sent(
-            sum(frame.count for frame in frames if frame.kind == kind),
+            sum(frame.count for frame in frames if frame.kind in sample_kinds()),
             started=any(accepts_start(frame) for frame in frames),
         )
 

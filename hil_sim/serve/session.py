@@ -101,6 +101,7 @@ class _Session:
                 start_us=FIRST_US,
                 serial_bytes_per_ms=bytes_per_ms,
                 can_frames_per_ms=CAN_FRAMES_PER_MS,
+                part=scenario.setup.accelerometer.part,
                 flash=new_flash() if options.flash_file is None else open_flash(options.flash_file),
             ),
             maker(options.binary),

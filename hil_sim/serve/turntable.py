@@ -8,9 +8,9 @@ import numpy as np
 
 from hil_sim.errors import SimError
 from hil_sim.seeds import generator
-from hil_sim.sensors import adc
 from hil_sim.sensors.accelerometer import Output
-from hil_sim.world import CONVERSION_US, CONVERSIONS, Readings, TrialTruth
+from hil_sim.sensors.adc import CONVERSIONS
+from hil_sim.world import CONVERSION_US, Readings, TrialTruth, converter
 
 
 class Turntable:
@@ -24,7 +24,6 @@ class Turntable:
         """
         if positions < 1:
             raise SimError("--tumble: give at least one position, e.g. 8")
-        self._truth = truth
         self._step_rad = 2.0 * np.pi / positions
         self._position = 0
         self._streamed = False
@@ -33,7 +32,7 @@ class Turntable:
             1e-6 * CONVERSION_US,
             generator(truth.seed, truth.name, "accelerometer noise"),
         )
-        self._noise = generator(truth.seed, truth.name, "converter noise")
+        self._converter = converter(truth, 0.0)
 
     def __call__(self, readings: Readings, *, streaming: bool, self_test: bool) -> Readings:
         """What the board reads on the head instead."""
@@ -43,7 +42,5 @@ class Turntable:
         angle = self._step_rad * self._position
         upwards_g = np.tile([np.cos(angle), np.sin(angle)], (ticks * CONVERSIONS, 1))
         volts = self._output.volts(upwards_g, self_test=self_test)
-        lsb = self._truth.vref_V / (1 << adc.BITS)
-        volts += self._truth.adc_noise_lsb * lsb * self._noise.standard_normal(volts.shape)
-        codes = adc.convert(volts, self._truth.vref_V)
-        return Readings(adc=codes.reshape(ticks, CONVERSIONS, 2), encoder=np.zeros_like(readings.encoder))
+        codes = self._converter.readings(volts, self_test=self_test)
+        return Readings(adc=codes, encoder=np.zeros_like(readings.encoder))

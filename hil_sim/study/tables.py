@@ -74,10 +74,12 @@ class RobotCsv(_CsvFile):
 class DeviceCsv(_CsvFile):
     """device.csv: what the board sent."""
 
-    def __init__(self, path: Path) -> None:
-        super().__init__(path, ["t_us", "seq", "ax", "ay", "enc1", "enc2", "flags"])
+    def __init__(self, path: Path, *, third_axis: bool = False) -> None:
+        names = ["t_us", "seq", "ax", "ay", "enc1", "enc2", "flags"]
+        super().__init__(path, [*names, "az"] if third_axis else names)
 
     def add(self, samples: Samples) -> None:
         """Appends samples."""
         s = samples
-        self.write([s.t_us, s.seq, s.ax, s.ay, s.enc1, s.enc2, s.flags])
+        columns: list[NDArray[Any]] = [s.t_us, s.seq, s.ax, s.ay, s.enc1, s.enc2, s.flags]
+        self.write(columns if s.az is None else [*columns, s.az])

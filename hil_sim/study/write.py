@@ -10,6 +10,7 @@ from hil_sim.board.protocol import Board
 from hil_sim.board.wire import FrameReader, Samples, accepts_start, command, samples
 from hil_sim.errors import SimError
 from hil_sim.scenarios.schema import Scenario, Trial
+from hil_sim.sensors import adxl355
 from hil_sim.study.setup_file import write_setup, write_trial
 from hil_sim.study.tables import DeviceCsv, RobotCsv
 from hil_sim.trials import trial_truth
@@ -74,12 +75,15 @@ def write_one_trial(
     world = World(trial_truth(scenario, trial, seed))
     if scenario.setup.robot.single:
         return start_us, _write_axis(world, start_us, folder / "robot.csv")
-    board = make(BoardConfig(start_us=start_us, serial_bytes_per_ms=scenario.world.serial.bytes_per_ms))
+    part = scenario.setup.accelerometer.part
+    board = make(
+        BoardConfig(start_us=start_us, serial_bytes_per_ms=scenario.world.serial.bytes_per_ms, part=part)
+    )
     begin_us = board.next_tick_us + LEAD_US
     world.begin(begin_us)
     with_force = scenario.world.force_sensor is not None
     with (
-        DeviceCsv(folder / "device.csv") as device_csv,
+        DeviceCsv(folder / "device.csv", third_axis=part == adxl355.PART) as device_csv,
         RobotCsv(
             folder / "robot.csv", with_force=with_force, with_command=trial.kind == "stochastic"
         ) as robot_csv,

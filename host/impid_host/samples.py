@@ -5,7 +5,7 @@ data-acquisition card) gave: accelerations in m/s^2 in place of codes, angles or
 """
 
 from dataclasses import dataclass, fields, replace
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +16,8 @@ FLAG_LATE = 1 << 2
 FLAG_RESET = 1 << 3
 FLAG_SYNC_EDGE = 1 << 4
 
+Codes = NDArray[np.unsignedinteger[Any]]
+
 
 @dataclass(frozen=True, slots=True)
 class DeviceSamples:
@@ -24,19 +26,21 @@ class DeviceSamples:
     Attributes:
         t_us: instant of the sample on the module's clock, microseconds since boot; group delay taken off.
         seq: sample number; wraps at 2**32, a gap means lost samples.
-        ax, ay: ADC codes of the accelerometer's two axes.
+        ax, ay: codes of the accelerometer's first two axes: 16 bits, or 24 (uint32) of a sensor with more.
         enc1, enc2: encoder counter values; wrap at 2**31.
         flags: bit 0 ADC saturated, 1 encoder fault, 2 sample late, 3 reset since the last sample,
             4 sync edge.
+        az: codes of 24 bits of the third axis; None where the sensor has two.
     """
 
     t_us: NDArray[np.uint64]
     seq: NDArray[np.uint32]
-    ax: NDArray[np.uint16]
-    ay: NDArray[np.uint16]
+    ax: Codes
+    ay: Codes
     enc1: NDArray[np.int32]
     enc2: NDArray[np.int32]
     flags: NDArray[np.uint8]
+    az: NDArray[np.uint32] | None = None
 
     def __len__(self) -> int:
         return len(self.t_us)

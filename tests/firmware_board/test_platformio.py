@@ -10,6 +10,7 @@ import pytest
 ROOT = Path(__file__).resolve().parents[2]
 PIO = ROOT / ".venv" / "bin" / "pio"
 # What is built stays, though the configuration is another.
+BOARDS = ["nucleo_f446re", "custom_f446re", "nucleo_f446re_adxl355", "nucleo_g474re"]
 UPLOAD = ["run", "-e", "nucleo_f446re", "--disable-auto-clean", "-t", "nobuild", "-t", "upload"]
 # Stands for a program of the laboratory's computer: writes down how it was called.
 RECORD = '#!/bin/sh\nprintf "%s\\n" "$(basename "$0")" "$@" >"{log}"\n'
@@ -45,7 +46,7 @@ def pio(workspace: Path, *arguments: str, path: str = "") -> subprocess.Complete
 def test_run_alone_builds_what_ships(workspace: Path) -> None:
     done = pio(workspace, "run")
     assert done.returncode == 0, done.stdout + done.stderr
-    for board in ("nucleo_f446re", "custom_f446re"):
+    for board in BOARDS:
         assert f"Processing {board}" in done.stdout
         assert (workspace / board / "firmware.elf").is_file()
     assert "Processing native" not in done.stdout
@@ -96,7 +97,7 @@ def test_a_probe_that_does_not_exist_is_refused(workspace: Path, tmp_path: Path)
     assert "telepathy is not known" in done.stdout + done.stderr
 
 
-@pytest.mark.parametrize("board", ["nucleo_f446re", "custom_f446re"])
+@pytest.mark.parametrize("board", BOARDS)
 def test_the_monitor_runs_at_the_speed_of_the_board(workspace: Path, board: str) -> None:
     """921600 baud: the rate of `serial.c`, which the shipping binary sets and the emulator checks."""
     config = dict(json.loads(pio(workspace, "project", "config", "--json-output").stdout))

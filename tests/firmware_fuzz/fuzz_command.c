@@ -5,7 +5,8 @@
  * framed, as the checksum would otherwise keep the fuzzer out. Must hold for every session: a command is
  * answered once, on its carrier, under its own id; every frame of the serial line is whole and numbered
  * without a hole, those counted as dropped included; the samples of a batch follow each other; no counter
- * forgets a frame.
+ * forgets a frame; of the slot that runs nothing but its confirmation is written, and the other one is marked
+ * only while it is whole.
  */
 #include "fuzz.h"
 
@@ -17,6 +18,8 @@
 #define PERIODS_MAX    1500u /* of a session: keeps it short */
 #define BOOT_ID        0x1234u
 #define RECORD_COMMAND 8u
+#define SLOT_WORDS     512u /* behind them flash refuses */
+#define RUNNING        1u
 
 enum { STEP_SERIAL, STEP_CAN, STEP_RAW, STEP_PERIODS, STEP_STALL, STEP_MISSED, STEP_JUMP, STEP_ROOM, STEPS };
 
@@ -38,6 +41,7 @@ typedef struct {
 static wire_t wire;
 static impid_core_t core;
 static uint32_t flash_words[IMPID_SETTINGS_SECTORS][SECTOR_WORDS];
+static uint32_t slot_words[IMPID_SLOTS][SLOT_WORDS];
 
 static uint32_t now_us(void *context) {
     return ((wire_t *)context)->now_us;
@@ -129,6 +133,47 @@ static bool flash_erase(void *context, uint32_t sector) {
 }
 
 static const impid_flash_t flash = {NULL, SECTOR_WORDS, flash_read, flash_program, flash_erase};
+
+static uint32_t slot_read(void *context, uint32_t slot, uint32_t word) {
+    (void)context;
+    FUZZ_CHECK(slot < IMPID_SLOTS && word < IMPID_SLOT_WORDS);
+    return word < SLOT_WORDS ? slot_words[slot][word] : IMPID_SLOT_UNWRITTEN;
+}
+
+static bool slot_program(void *context, uint32_t slot, uint32_t word, uint32_t value) {
+    (void)context;
+    FUZZ_CHECK(slot < IMPID_SLOTS && word < IMPID_SLOT_WORDS);
+    FUZZ_CHECK(slot != RUNNING || word == IMPID_SLOT_AT_CONFIRMED);
+    if (word >= SLOT_WORDS) {
+        return false;
+    }
+    slot_words[slot][word] &= value;
+    return true;
+}
+
+static bool slot_erase(void *context, uint32_t slot) {
+    (void)context;
+    FUZZ_CHECK(slot < IMPID_SLOTS && slot != RUNNING);
+    memset(slot_words[slot], 0xFF, sizeof slot_words[slot]);
+    return true;
+}
+
+static const impid_flash_t slots_flash = {NULL, IMPID_SLOT_WORDS, slot_read, slot_program, slot_erase};
+static const impid_update_port_t slots = {&slots_flash, {0x08010000u, 0x08020000u}, RUNNING};
+
+static bool bench_act(void *context, uint8_t item, uint32_t value, uint32_t *answer) {
+    (void)context;
+    *answer = value + item;
+    return item < 105u;
+}
+
+static const impid_bench_port_t bench_port = {NULL, bench_act};
+
+static void check_slots(void) {
+    const uint32_t other = (RUNNING + 1u) % IMPID_SLOTS;
+    FUZZ_CHECK(slot_words[other][IMPID_SLOT_AT_MARK] != IMPID_SLOT_MARK ||
+               impid_slots_whole(slot_read, NULL, other));
+}
 
 static void check_counters(void) {
     const impid_link_t *serial = &core.links[IMPID_CARRIER_SERIAL];
@@ -224,7 +269,8 @@ static uint32_t step(fuzz_input_t *input, uint32_t left) {
         wire.now_us += count * IMPID_PERIOD_US;
         impid_core_missed(&core, count);
         return left;
-    case STEP_JUMP:
+    case STEP_JUMP: /* the longest that the time may go unread: from a look to the next */
+        impid_core_poll(&core);
         wire.now_us += fuzz_take(input, 4) & 0x7FFFFFFFu;
         impid_core_poll(&core);
         return left;
@@ -242,6 +288,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
     impid_settings_t settings;
     memset(&wire, 0, sizeof wire);
     memset(flash_words, 0xFF, sizeof flash_words);
+    memset(slot_words, 0xFF, sizeof slot_words);
     wire.port = (impid_port_t){&wire,      now_us,        serial_send, can_send,
                                backlog_us, self_test_pin, health,      request_reset};
     impid_frame_parser_init(&wire.parser);
@@ -252,12 +299,15 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
                                         .first_index = fuzz_take(&input, 4),
                                         .settings = (has & 1u) != 0u ? &settings : NULL,
                                         .log = (has & 2u) != 0u ? log_words : NULL,
-                                        .log_words = 4};
+                                        .log_words = 4,
+                                        .slots = (has & 4u) != 0u ? &slots : NULL,
+                                        .bench = (has & 8u) != 0u ? &bench_port : NULL};
     impid_core_init(&core, &config, &wire.port);
     uint32_t left = PERIODS_MAX;
     while (input.left > 0u) {
         left = step(&input, left);
         check_counters();
+        check_slots();
     }
     return 0;
 }

@@ -11,7 +11,7 @@
 
 #include <string.h>
 
-#define SECTOR_WORDS 80u /* room for four snapshots */
+#define SECTOR_WORDS 150u /* room for three snapshots */
 #define STEPS_MAX    200u
 #define NO_CUT       UINT32_MAX
 

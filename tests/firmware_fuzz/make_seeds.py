@@ -17,7 +17,7 @@ GOLDEN = HERE.parent / "protocol" / "golden"
 DATABASE = cantools.database.load_file(ROOT / "protocol" / "impid.dbc")
 SERIAL, CAN, RAW, PERIODS, STALL, MISSED, JUMP, ROOM = range(8)
 SET, SAVE, BOOT, PREPARE, CUT, DAMAGE = range(6)
-SECTOR_WORDS = 80
+SECTOR_WORDS = 150
 
 
 def frame_seeds() -> dict[str, bytes]:
@@ -46,9 +46,22 @@ def on_can(data: bytes, identifier: int = 0x100, length: int = 8) -> bytes:
     return struct.pack("<BHB", CAN, identifier, length) + data
 
 
+def update_session() -> bytes:
+    """A whole image for the slot that does not run, a word twice, words too many; then half of another."""
+    words = [0x20004000, 0x08010000 + 512 + 1, *range(6)]
+    begin = command(1, "UPDATE_BEGIN", 0, 4 * len(words))
+    writes = [command(2 + n, "UPDATE_WRITE", n, word) for n, word in enumerate(words)]
+    checksum = zlib.crc32(struct.pack(f"<{len(words)}I", *words))
+    beyond = [command(20 + n, "UPDATE_WRITE", len(words) + n, 1) for n in range(2)]
+    end = [*beyond, command(40, "UPDATE_END", 0, checksum), command(41, "UPDATE_CONFIRM")]
+    again = [command(50, "UPDATE_BEGIN", 0, 64), command(51, "UPDATE_WRITE", 0, 7), command(52, "UPDATE_END")]
+    sent = [begin, *writes[:3], command(30, "UPDATE_WRITE", 2, words[2]), *writes[3:], *end, *again]
+    return b"".join(bytes([SERIAL]) + data for data in sent)
+
+
 def command_seeds() -> dict[str, bytes]:
     """Sessions: as the golden one, a self-test, settings, and everything that a carrier does to a board."""
-    head = struct.pack("<BI", 3, 2**32 - 16)
+    head = struct.pack("<BI", 15, 2**32 - 16)
     periods = bytes([PERIODS, 200, 7, 0])
     start, stop = command(10, "START"), command(690, "STOP")
     golden = (GOLDEN / "serial.bin").read_bytes()[:200]
@@ -86,6 +99,15 @@ def command_seeds() -> dict[str, bytes]:
         + command(3, "GET", 33)
         + on_can(command(4, "LOG", 64)),
         "every-opcode": head + every,
+        "update": head + update_session(),
+        "bench": head
+        + bytes([SERIAL])
+        + command(1, "BENCH", 105, 2 << 16 | 30)
+        + bytes([SERIAL])
+        + command(2, "BENCH", 105, 1 << 16 | 30)
+        + periods
+        + b"".join(bytes([SERIAL]) + command(10 + n, "BENCH", n, 5) for n in range(95, 110))
+        + on_can(command(3, "BENCH", 101, 5)),
         "carriers": head
         + bytes([RAW, len(golden)])
         + golden

@@ -36,6 +36,12 @@ def firmware() -> Path:
 
 
 @pytest.fixture(scope="session")
+def digital_firmware() -> Path:
+    """What ships for the Nucleo with an ADXL355."""
+    return built("nucleo_f446re_adxl355")
+
+
+@pytest.fixture(scope="session")
 def custom_firmware() -> Path:
     """What a board of one's own would run."""
     return built("custom_f446re")

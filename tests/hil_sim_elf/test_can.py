@@ -183,3 +183,19 @@ def test_initialisation_needs_sleep_to_be_cleared(tmp_path: Path) -> None:
     """30.4.3: sleep, the state after reset, is left by clearing SLEEP; with SLEEP set there is no INAK."""
     body = f"void reset(void) {{ {CLOCKS} {PINS} {MCR} |= 1; out[0] = {MSR} & 3; {MCR} = 1; out[1] = {MSR} & 3; for (;;) {{}} }}"
     assert results(run(tmp_path, body), 2) == [2, 1]
+
+
+def test_in_loopback_it_hears_itself_and_in_silence_nobody_else_does(tmp_path: Path) -> None:
+    """30.5: LBKM feeds the output back and looks neither for an acknowledge nor at the input; SILM keeps the
+    pin recessive."""
+    for mode, heard in ((1 << 30, 1), (3 << 30, 0)):
+        body = f"""void reset(void) {{ {normal().replace(f"{BTR} = ", f"{BTR} = {mode}u | ")}
+            {send(0, 0x100, (0x11, 0x22))} while (({RF0R} & 3u) == 0) {{}} out[0] = {reg(0x1B8)}; {SLEEP} }}"""
+        soc = Soc(build(tmp_path, body))
+        soc.can1.acknowledged = False
+        soc.can1.receive(0x100, b"12345678")
+        soc.run_for(0.01)
+        assert results(soc, 1) == [0x11]
+        assert len(soc.can1.sent) == heard
+        assert len(soc.can1.fifos[0]) == 1, "the bus is not heard"
+        assert soc.can1.tec == 0

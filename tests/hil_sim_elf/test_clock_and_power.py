@@ -16,6 +16,7 @@ RCC_CR, PLLCFGR, CFGR, CIR, CSR = (
     "REG(0x40023874u)",
 )
 ACR = "REG(0x40023C00u)"
+TIM11 = {"CR1": 0x00, "SR": 0x10, "CCMR1": 0x18, "CCER": 0x20, "CCR1": 0x34, "OR": 0x50}
 # 8 MHz / 4 * 180 / 4 = 90 MHz by the formula of 6.3.2; two wait states reach 90 MHz (3.4.1).
 PLL_ON = f"""
     {RCC_CR} |= 1u << 16; while (!({RCC_CR} & 1u << 17)) {{}}
@@ -152,3 +153,23 @@ def test_a_clock_signal_needs_the_bypass_and_a_crystal_the_oscillator(
     soc = Soc(build(tmp_path, body), hse_bypass=signal)
     soc.run_for(0.01)
     assert results(soc, 1) == [bool(asked) == signal]
+
+
+@pytest.mark.parametrize("off", [0.0, 0.01, -0.02])
+def test_tim11_counts_the_external_clock_with_the_internal_one(tmp_path: Path, off: float) -> None:
+    """6.2.11: 8 MHz / 8 / 8 is a capture every 8 us: 128 counts of 16 MHz, or as the oscillator is off."""
+    tim = {name: f"REG(0x{0x4001_4800 + place:08X}u)" for name, place in TIM11.items()}
+    body = f"""void reset(void) {{ {RCC_CR} |= 1u << 16; while (!({RCC_CR} & 1u << 17)) {{}}
+        {CFGR} = 8u << 16; REG(0x40023844u) = 1u << 18; {tim["OR"]} = 2; {tim["CCMR1"]} = 1u | 3u << 2;
+        {tim["CCER"]} = 1; {tim["CR1"]} = 1;
+        uint32_t first = 0; for (int n = 0; n < 101; ++n) {{
+            while (!({tim["SR"]} & 2u)) {{}} uint32_t at = {tim["CCR1"]}; if (n == 0) first = at;
+            out[0] = (at - first) & 0xFFFFu; out[1] |= {tim["SR"]} & 0x200u; }}
+        for (volatile int n = 0; n < 1000; ++n) {{}} out[2] = {tim["SR"]} & 0x200u; for (;;) {{}} }}"""
+    soc = Soc(build(tmp_path, body))
+    soc.hsi_hz = 16e6 * (1 + off)
+    soc.request_reset("pin")
+    soc.run_for(0.01)
+    counts, missed, missed_later = results(soc, 3)
+    assert abs(counts - 12800 * (1 + off)) <= 1
+    assert (missed, missed_later) == (0, 0x200)

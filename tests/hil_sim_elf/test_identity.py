@@ -74,7 +74,8 @@ def test_sample_records_are_identical(streams: tuple[list[Frame], list[Frame], E
     ours, theirs = samples(frames_of("SAMPLES", native)), samples(frames_of("SAMPLES", binary))
     count = min(len(ours.seq), len(theirs.seq))
     assert count >= 60_000
-    for field in fields(ours):
+    assert ours.az is theirs.az is None
+    for field in (field for field in fields(ours) if field.name != "az"):
         np.testing.assert_array_equal(
             getattr(ours, field.name)[:count], getattr(theirs, field.name)[:count], err_msg=field.name
         )

@@ -12,12 +12,13 @@ from firmware_mutation.mutants import Workshop, mutants
 
 from hil_sim.board.elf.wiring import CUSTOM, NUCLEO
 
-# A register, an order of writes, a priority, a board header.
+# A register, an order of writes, a priority, a board header, the loader.
 SAMPLE = {
     "DDS missing": "no STATUS",
     "data cache not flushed after an erase": "without a flush of the data cache",
     "stamps below the tick": "stamped",
     "sync on another pin": "flags differs",
+    "a trial is never marked": "on trial for ever",
 }
 
 
@@ -27,8 +28,8 @@ def test_what_ships_passes_every_check(name: str, wiring: object, request: pytes
 
 
 def test_every_mistake_applies_to_the_firmware_as_it_is() -> None:
-    boards = Path(__file__).resolve().parents[2] / "firmware" / "boards"
-    stale = [m.what for m in mutants() if (boards / m.file).read_text(encoding="utf-8").count(m.old) != 1]
+    sources = Path(__file__).resolve().parents[2] / "firmware"
+    stale = [m.what for m in mutants() if (sources / m.file).read_text(encoding="utf-8").count(m.old) != 1]
     assert stale == []
 
 

@@ -4,17 +4,20 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from elftools.elf.elffile import ELFFile
 from feed import readings
 
 from hil_sim.board import layout
 from hil_sim.board.elf.board import ElfBoard
 from hil_sim.board.elf.dma import EN
+from hil_sim.board.elf.memory import RAM_BASE
 from hil_sim.board.elf.wiring import CUSTOM, NUCLEO, Wiring
 from hil_sim.board.native import BoardConfig, NativeBoard
 from hil_sim.board.wire import FrameReader, command, samples
 
-ADC_OVERRUN, DMA_ERROR = 3, 4  # fault_kind_t
-LOG_KIND = 65  # second word of the fault log
+ADC_OVERRUN, DMA_ERROR, ASSERTION = 3, 4, 6  # fault_kind_t
+LOG_KIND, LOG_PC = 65, 66  # words of the fault log
+RING_HEAD = 256 * 24  # behind the samples of impid_ring_t, which is the first of impid_core_t
 BINARIES = {"firmware": NUCLEO, "custom_firmware": CUSTOM}
 
 
@@ -22,10 +25,10 @@ def rest(board: ElfBoard, ticks: int) -> None:
     board.run(np.full((ticks, 8, 2), 2048, np.uint16), np.zeros((ticks, 2), np.int32))
 
 
-def fault_kind(board: ElfBoard) -> int:
+def fault_word(board: ElfBoard, item: int) -> int:
     rest(board, 5)
     board.serial_take()
-    board.serial_receive(command(9, "LOG", item=LOG_KIND), board.now_us)
+    board.serial_receive(command(item, "LOG", item=item), board.now_us)
     rest(board, 20)
     kind = layout.code("BATCH", "kind", "RESPONSE")
     (answer,) = [frame for frame in FrameReader().feed(board.serial_take()) if frame.kind == kind]
@@ -39,7 +42,7 @@ def test_a_transfer_error_of_the_sampling_stream_is_recorded(firmware: Path) -> 
     rest(board, 3)
     assert board.soc.resets == ["software"]
     board.reboot()
-    assert fault_kind(board) == DMA_ERROR
+    assert fault_word(board, LOG_KIND) == DMA_ERROR
 
 
 def test_an_overrun_of_the_converters_is_recorded(firmware: Path) -> None:
@@ -50,7 +53,26 @@ def test_an_overrun_of_the_converters_is_recorded(firmware: Path) -> None:
     rest(board, 3)
     assert board.soc.resets == ["software"]
     board.reboot()
-    assert fault_kind(board) == ADC_OVERRUN
+    assert fault_word(board, LOG_KIND) == ADC_OVERRUN
+
+
+def test_what_cannot_be_in_the_core_is_recorded_with_its_place(firmware: Path) -> None:
+    """A bit that flips in the ring's index: more samples wait than the ring holds."""
+    with firmware.open("rb") as stream:
+        section = ELFFile(stream).get_section_by_name(".symtab")
+        core = max(section.get_symbol_by_name("core"), key=lambda s: s["st_size"])  # not a pointer to it
+        (push,) = section.get_symbol_by_name("impid_ring_push")
+        head = core["st_value"] - RAM_BASE + RING_HEAD
+        function = range(push["st_value"] & ~1, (push["st_value"] & ~1) + push["st_size"])
+    board = ElfBoard(firmware)
+    board.serial_receive(command(1, "START"), board.now_us)
+    rest(board, 40)
+    board.soc.memory.ram[head + 2] ^= 1
+    rest(board, 3)
+    assert board.soc.resets == ["software"]
+    board.reboot()
+    assert fault_word(board, LOG_KIND) == ASSERTION
+    assert fault_word(board, LOG_PC) - 2 in function  # a return address
 
 
 @pytest.mark.parametrize(("pulse_ns", "counts"), [(60, 0), (250, 1)])

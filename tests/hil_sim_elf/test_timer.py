@@ -168,3 +168,25 @@ def test_input_filter_swallows_short_pulses(tmp_path: Path, code: int, swallowed
     timer.pulse(1, (swallowed_ns + 10) * 1e-9)
     soc.run_for(1e-4)
     assert timer.read_sr() & 2
+
+
+def test_an_output_toggles_at_each_match_and_can_be_held_low(tmp_path: Path) -> None:
+    """17.3.9, OC1M 011 and 100: 16 MHz / 1000 is a match every 62.5 us, 300 clocks behind the update."""
+    body = f"""void reset(void) {{ {ENABLE} {reg(TIM3, ARR)} = 999; {reg(TIM3, EGR)} = 1; {reg(TIM3, CCER)} = 1;
+        {reg(TIM3, CR1)} = 1; {reg(TIM3, CCMR1)} = 4u << 4; {reg(TIM3, CCR1)} = 300; {reg(TIM3, CCMR1)} = 3u << 4;
+        for (;;) {{ if (out[0]) {reg(TIM3, CCMR1)} = 4u << 4; }} }}"""
+    soc = run(tmp_path, body, seconds=1e-3)
+    timer = soc.timers["TIM3"]
+    update = timer.next_update()
+    assert update is not None
+    before = timer.output.level(update + 299)
+    levels = [timer.output.level(update + 300 + 1000 * n + k) for n in range(3) for k in (0, 999)]
+    assert levels == [not before, not before, before, before, not before, not before]
+    soc.memory.ram[0x1000] = 1
+    soc.run_for(1e-3)
+    assert not any(timer.output.level(soc.schedule.now + 500 * n) for n in range(4))
+
+
+def test_other_output_modes_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(UnmodelledAccess, match="CCMR1"):
+        run(tmp_path, f"void reset(void) {{ {ENABLE} {reg(TIM3, CR1)} = 1; {reg(TIM3, CCMR1)} = 6u << 4; }}")

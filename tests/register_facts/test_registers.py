@@ -13,8 +13,8 @@ import pytest
 
 PERIPHERAL = {
     "FLASH": "FLASH", "PWR": "PWR", "RCC": "RCC", "DMA": "DMA1", "DMA1": "DMA1", "DMA2": "DMA2",
-    "ADC": "ADC1", "ADC_COMMON": "ADC123_COMMON", "TIM": "TIM2", "IWDG": "IWDG", "USART": "USART2",
-    "CAN": "CAN1", "UNIQUE_ID": "UID",
+    "ADC": "ADC1", "ADC_COMMON": "ADC123_COMMON", "TIM": "TIM2", "TIM1": "TIM1", "IWDG": "IWDG",
+    "USART": "USART2", "CAN": "CAN1", "SPI": "SPI2", "UNIQUE_ID": "UID",
 }  # fmt: skip
 # Registers whose name in the manual differs from that of the description.
 REGISTER = {
@@ -24,7 +24,8 @@ REGISTER = {
     "TIM2.CCMR1": "ccmr_input[0]",
     "TIM2.CCMR2": "ccmr_input[1]", "GPIOA.AFR[1]": "afr[1]", "ADC1.JOFR[1]": "jofr[1]",
     "ADC1.JDR[1]": "jdr[1]",
-    **{f"TIM2.CCR{n}": f"ccr[{n - 1}]" for n in (1, 2, 3, 4)},
+    "TIM1.CCMR1": "ccmr_output[0]", "TIM1.CCMR2": "ccmr_output[1]",
+    **{f"{timer}.CCR{n}": f"ccr[{n - 1}]" for timer in ("TIM1", "TIM2") for n in (1, 2, 3, 4)},
 }  # fmt: skip
 FLAGS = ("feif", "dmeif", "teif", "htif", "tcif")
 SPELLED = {
@@ -48,6 +49,7 @@ SPELLED = {
     "RCC_CFGR_SWS_Msk": "RCC.cfgr.sws=mask",
     "RCC_CFGR_SWS_PLL": "RCC.cfgr.sws=PLL1_P",
     "RCC_CFGR_PPRE1_2": "RCC.cfgr.ppre1=DIV2",
+    "RCC_CFGR_RTCPRE_Pos": "RCC.cfgr.rtcpre=position",
     "RCC_CSR_PINRSTF": "RCC.csr.padrstf=1",
     "RCC_CSR_IWDGRSTF": "RCC.csr.wdgrstf=1",
     "DMA_CR_FROM_MEMORY": "DMA1.st[0].cr.dir=MEMORY_TO_PERIPHERAL",
@@ -81,6 +83,9 @@ SPELLED = {
     "TIM_SR_CC1OF": "TIM4.sr.ccof[0]=1",
     # The description names the code 01 after channel 4's own input.
     "TIM_CCMR1_CC1S_TI1": "TIM2.ccmr_input[0].ccs[0]=TI4",
+    "TIM_CCMR1_IC1PSC_8": "TIM2.ccmr_input[0].icpsc[0]=3",
+    "TIM_CCMR1_OC1M_TOGGLE": "TIM2.ccmr_output[0].ocm[0]=TOGGLE",
+    "TIM_CCMR1_OC1M_FORCE_LOW": "TIM2.ccmr_output[0].ocm[0]=FORCE_INACTIVE",
     "TIM_CCMR1_IC1F(0)": "TIM2.ccmr_input[0].icf[0]=NO_FILTER",
     "TIM_CCMR1_IC1F(1)": "TIM2.ccmr_input[0].icf[0]=FCK_INT_N2",
     "TIM_CCMR1_CC2S_TI2": "TIM2.ccmr_input[0].ccs[1]=TI4",
@@ -89,6 +94,9 @@ SPELLED = {
     "TIM_CCMR2_CC3S_TRC": "TIM2.ccmr_input[1].ccs[0]=TRC",
     "TIM_CCER_CC1E": "TIM2.ccer.cce[0]=1",
     "TIM_CCER_CC3E": "TIM2.ccer.cce[2]=1",
+    "TIM1_CCMR1_OC2M_PWM2": "TIM1.ccmr_output[0].ocm[1]=PWM_MODE2",
+    "TIM1_CCER_CC2E": "TIM1.ccer.cce[1]=1",
+    "SPI_CR1_BR_8": "SPI2.cr1.br=DIV8",
     "IWDG_KR_UNLOCK": "IWDG.kr.key=ENABLE",
     "IWDG_KR_REFRESH": "IWDG.kr.key=RESET",
     "IWDG_KR_START": "IWDG.kr.key=START",
@@ -113,6 +121,7 @@ STATED = {
     "FLASH_KEY2": 0xCDEF89AB,
     "ADC_VREFINT_CHANNEL": 17,  # RM0390 13.10
     "ADC_CR2_EXTSEL_TIM3": 8 << 24,  # RM0390 13.13.3: 1000, timer 3 TRGO; the field is looked up below
+    "TIM11_OR_TI1_HSE_RTC": 2,  # RM0390 18.5.11: TI1_RMP 10; the register has no fields there
     "SCB_CFSR_MMARVALID": 1 << 7,  # Armv7-M architecture, B3.2.15
     "SCB_CFSR_BFARVALID": 1 << 15,
     "SCB_ICSR_VECTACTIVE": 0x1FF,  # B3.2.4
@@ -123,18 +132,7 @@ PROCESSOR = ("SCB", "NVIC_ISER", "SCB_AIRCR_RESET")
 RCC_ENABLE = re.compile(r"RCC_(A[HP]B\dENR)_(\w+)")
 
 
-def bits(spelled: str | int) -> int:
-    if isinstance(spelled, int):
-        return spelled
-    place, _, value = spelled.rpartition("=")
-    peripheral, rest = place.split(".", 1)
-    path, name = rest.rsplit(".", 1)
-    position, width, named = chip.field(peripheral, path, name)
-    if value == "position":
-        return position
-    number = (1 << width) - 1 if value == "mask" else int(value) if value.isdigit() else named[value]
-    assert number < 1 << width
-    return number << position
+bits = chip.F446.bits
 
 
 def register_path(peripheral: str, name: str) -> str:

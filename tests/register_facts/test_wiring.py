@@ -7,13 +7,19 @@ import chip
 import header
 import pytest
 
-BOARDS = ["nucleo_f446re", "custom_f446re"]
-SOURCES = {path.name: path.read_text(encoding="utf-8") for path in header.PORT.glob("*.[ch]")}
+BOARDS = ["nucleo_f446re", "custom_f446re", "nucleo_f446re_adxl355"]
+SOURCES = header.F446.sources()
 # Which signal of which peripheral a pin of the board header carries.
 SIGNALS = {
     "ENCODER_1_A": ("TIM2", "CH1"), "ENCODER_1_B": ("TIM2", "CH2"), "ENCODER_2_A": ("TIM5", "CH1"),
     "ENCODER_2_B": ("TIM5", "CH2"), "SYNC": ("TIM4", "CH1"), "SERIAL_TX": ("USART2", "TX"),
     "SERIAL_RX": ("USART2", "RX"), "CAN_TX": ("CAN1", "TX"), "CAN_RX": ("CAN1", "RX"),
+    "EDGE": ("TIM3", "CH1"),
+}  # fmt: skip
+# And of a board with a digital sensor.
+DIGITAL = {
+    "SPI_SCK": ("SPI2", "SCK"), "SPI_MISO": ("SPI2", "MISO"), "SPI_MOSI": ("SPI2", "MOSI"),
+    "SPI_SYNC": ("TIM1", "CH2"),
 }  # fmt: skip
 
 
@@ -51,10 +57,12 @@ def test_every_interrupt_has_its_number() -> None:
 def test_every_pin_has_the_alternate_function_of_its_signal(name: str) -> None:
     used = pins(name)
     told = alternate_functions()
-    for signal, (peripheral, channel) in SIGNALS.items():
+    signals = SIGNALS | (DIGITAL if "SPI_CS" in used else {})
+    for signal, (peripheral, channel) in signals.items():
         assert functions(peripheral, channel)[used[signal]] == told[peripheral], (signal, used[signal])
     calls = re.findall(r"pin_alternate\(BOARD_(\w+), AF_(\w+),", "\n".join(SOURCES.values()))
-    assert dict(calls) == {signal: peripheral for signal, (peripheral, _) in SIGNALS.items()}
+    expected = {signal: peripheral for signal, (peripheral, _) in (SIGNALS | DIGITAL).items()}
+    assert dict(calls) == expected
 
 
 @pytest.mark.parametrize("name", BOARDS)
@@ -89,7 +97,7 @@ def test_every_stream_serves_the_request_that_its_channel_selects() -> None:
 
 
 def test_the_settings_lie_in_sectors_of_their_own() -> None:
-    chip_text = (chip.crate("stm32-metapac") / "chips" / "stm32f446re" / "metadata.rs").read_text()
+    chip_text = chip.F446.metadata()
     regions = re.findall(
         r"kind: MemoryRegionKind::Flash,\s+address: (0x[0-9a-f]+),\s+size: (\d+),.*?erase_size: (\d+)",
         chip_text, re.DOTALL,

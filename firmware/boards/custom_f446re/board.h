@@ -8,6 +8,9 @@
 
 #define BOARD_ID 0x701DFFD1u /* CRC-32 of "custom_f446re" */
 
+#define BOARD_SENSOR  impid_adxl203
+#define BOARD_DIGITAL false /* its outputs are voltages */
+
 #define BOARD_HSE_MHZ    8u
 #define BOARD_HSE_BYPASS false /* a crystal */
 
@@ -29,6 +32,7 @@
 #define BOARD_SERIAL_RX PIN(GPIOA, 3)
 #define BOARD_CAN_RX    PIN(GPIOA, 11) /* CAN1 */
 #define BOARD_CAN_TX    PIN(GPIOA, 12)
+#define BOARD_EDGE      PIN(GPIOA, 6) /* TIM3_CH1: the bench test's wire begins here */
 #define BOARD_LED       PIN(GPIOB, 12)
 
 #endif

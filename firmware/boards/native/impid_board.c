@@ -1,8 +1,10 @@
 #include "impid_board.h"
 
+#include "impid_assert.h"
 #include "impid_build.h"
 #include "impid_core.h"
 
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -51,6 +53,12 @@ struct impid_board {
     uint32_t own_flash[IMPID_BOARD_FLASH_WORDS];
     uint32_t *flash; /* this one, or the caller's */
 };
+
+_Noreturn void impid_assert_failed(const char *what) {
+    (void)fprintf(stderr, "the firmware core is wrong: %s does not hold\n",
+                  what != NULL ? what : "something");
+    abort();
+}
 
 static uint32_t port_now_us(void *context) {
     const impid_board *board = context;
@@ -200,7 +208,8 @@ impid_board *impid_board_new(const impid_board_config *config) {
                                  .health = port_health,
                                  .request_reset = port_request_reset};
     start_settings(board, config->flash);
-    impid_core_config_t core_config = {.uid = {config->uid[0], config->uid[1], config->uid[2]},
+    impid_core_config_t core_config = {.sensor = config->digital ? &impid_adxl355 : &impid_adxl203,
+                                       .uid = {config->uid[0], config->uid[1], config->uid[2]},
                                        .boot_id = config->boot_id,
                                        .reset_cause = config->reset_cause,
                                        .clock_source =
@@ -234,25 +243,37 @@ static uint8_t tick_flags(uint8_t faults) {
                      ((faults & IMPID_BOARD_LATE) ? IMPID_FLAG_LATE : 0u));
 }
 
+static void run_tick(impid_board *board, impid_tick_t *tick, const int32_t *encoder, uint8_t fault) {
+    tick->encoder[0] = (uint32_t)encoder[0];
+    tick->encoder[1] = (uint32_t)encoder[1];
+    tick->t_us = (uint32_t)board->next_tick_us;
+    tick->flags = tick_flags(fault);
+    advance_clock(board, board->next_tick_us);
+    board->next_tick_us += IMPID_PERIOD_US;
+    if (fault & IMPID_BOARD_SYNC_EDGE) {
+        board->sync_us = tick->t_us;
+        board->sync_count++;
+    }
+    impid_core_tick(&board->core, tick);
+    if (!(fault & IMPID_BOARD_STALLED)) {
+        board->bus_is_off = false;
+        impid_core_poll(&board->core);
+    }
+}
+
 void impid_board_run(impid_board *board, size_t ticks, const uint16_t *adc, const int32_t *encoder,
                      const uint8_t *faults) {
     for (size_t i = 0; i < ticks; i++) {
-        uint8_t fault = faults == NULL ? 0u : faults[i];
-        impid_tick_t tick = {.adc = &adc[i * IMPID_ADC_PER_TICK * 2u],
-                             .encoder = {(uint32_t)encoder[2u * i], (uint32_t)encoder[2u * i + 1u]},
-                             .t_us = (uint32_t)board->next_tick_us,
-                             .flags = tick_flags(fault)};
-        advance_clock(board, board->next_tick_us);
-        board->next_tick_us += IMPID_PERIOD_US;
-        if (fault & IMPID_BOARD_SYNC_EDGE) {
-            board->sync_us = tick.t_us;
-            board->sync_count++;
-        }
-        impid_core_tick(&board->core, &tick);
-        if (!(fault & IMPID_BOARD_STALLED)) {
-            board->bus_is_off = false;
-            impid_core_poll(&board->core);
-        }
+        impid_tick_t tick = {.adc = &adc[i * IMPID_ADC_PER_TICK * 2u]};
+        run_tick(board, &tick, &encoder[2u * i], faults == NULL ? 0u : faults[i]);
+    }
+}
+
+void impid_board_run_wide(impid_board *board, size_t ticks, const uint32_t *readings, const int32_t *encoder,
+                          const uint8_t *faults) {
+    for (size_t i = 0; i < ticks; i++) {
+        impid_tick_t tick = {.wide = &readings[i * 3u]};
+        run_tick(board, &tick, &encoder[2u * i], faults == NULL ? 0u : faults[i]);
     }
 }
 

@@ -52,6 +52,7 @@ typedef struct {
     uint64_t start_us;    /* board time of tick 0: tests of the wrap set it near 2^32 */
     uint32_t serial_bytes_per_ms; /* what the serial line carries (92 at 921600 baud); 0: no limit */
     uint32_t can_frames_per_ms;   /* what the bus carries; 0: no limit */
+    uint8_t digital; /* 1: its accelerometer is impid_adxl355, to be run by _run_wide; 0: impid_adxl203 */
     /* IMPID_BOARD_FLASH_WORDS words in which the board keeps its settings, all bits 1 when new: the caller's,
      * so that they outlive the board, in a mapped file if need be. NULL: a new flash, gone with the board. */
     uint32_t *flash;
@@ -77,6 +78,10 @@ void impid_board_free(impid_board *board);
 #define IMPID_BOARD_STALLED       0x08u /* the main loop does not run in this tick */
 void impid_board_run(impid_board *board, size_t ticks, const uint16_t *adc, const int32_t *encoder,
                      const uint8_t *faults);
+/* The same of the digital sensor. readings: ticks * 3 codes of 20 bits, those of x, y and z that lie in the
+ * sensor at the tick. */
+void impid_board_run_wide(impid_board *board, size_t ticks, const uint32_t *readings, const int32_t *encoder,
+                          const uint8_t *faults);
 
 uint64_t impid_board_now_us(const impid_board *board);
 /* The clock shows t_us (nothing happens if it is past that) and the lines have carried what they can until

@@ -7,6 +7,9 @@
 
 #define BOARD_ID 0x7AB5179Bu /* CRC-32 of "nucleo_f446re" */
 
+#define BOARD_SENSOR  impid_adxl203
+#define BOARD_DIGITAL false /* its outputs are voltages */
+
 #define BOARD_HSE_MHZ    8u   /* from the ST-LINK, */
 #define BOARD_HSE_BYPASS true /* a clock signal, not a crystal */
 
@@ -28,6 +31,7 @@
 #define BOARD_SERIAL_RX PIN(GPIOA, 3)
 #define BOARD_CAN_RX    PIN(GPIOB, 8) /* D15, CAN1 */
 #define BOARD_CAN_TX    PIN(GPIOB, 9) /* D14, CAN1 */
+#define BOARD_EDGE      PIN(GPIOA, 6) /* D12, TIM3_CH1: the bench test's wire begins here */
 #define BOARD_LED       PIN(GPIOA, 5) /* LD2 */
 
 #endif

@@ -9,6 +9,8 @@
 
 #include "impid_messages.h"
 
+#include <string.h>
+
 #define AF_CAN1         9u
 #define TRANSMIT_FRAMES 64u /* a power of two */
 #define RECEIVE_FRAMES  8u  /* a power of two */
@@ -38,20 +40,34 @@ static volatile uint32_t refused;  /* interrupt: arrivals that found the queue f
 static volatile uint16_t overruns; /* interrupt: times the controller's own FIFO overflowed */
 
 static uint32_t kilobits;
+
+#define LOOP_FRAMES_MAX 1000u
+#define LOOP_LIMIT_US   1000000u
+/* Main loop alone. */
+static struct {
+    uint32_t wanted; /* 0: no loopback */
+    uint32_t sent, back, good;
+    uint32_t began_us;
+} loop;
 static volatile uint16_t bus_off;
+
+/* Takes the controller out of its mode, or of sleep, which is the state after reset, and into normal mode
+ * with these bits beside the timing. Bounded: without an answer the bus stays silent, and everything else
+ * still works. */
+static void enter(uint32_t mode) {
+    CAN1->MCR = CAN_MCR_INRQ;
+    for (uint32_t i = 0; i < INIT_ATTEMPTS && (CAN1->MSR & CAN_MSR_INAK) == 0u; i++) {
+    }
+    CAN1->BTR = mode | BTR_SEGMENTS | (PRESCALER_AT_1M * 1000u / kilobits - 1u);
+    /* Joins the bus once it has seen 11 recessive bits; nobody waits for that, as no bus may be there. */
+    CAN1->MCR = CAN_MCR_ABOM | CAN_MCR_TXFP;
+}
 
 void can_start(uint32_t kbps) {
     kilobits = kbps;
     clock_enable(&RCC->APB1ENR, RCC_APB1ENR_CAN1);
     pin_alternate(BOARD_CAN_TX, AF_CAN1, PIN_PULL_NONE);
     pin_alternate(BOARD_CAN_RX, AF_CAN1, PIN_PULL_UP);
-
-    /* Leaves sleep, which is the state after reset, for initialisation. Bounded: without an answer the bus
-     * stays silent, and everything else still works. */
-    CAN1->MCR = CAN_MCR_INRQ;
-    for (uint32_t i = 0; i < INIT_ATTEMPTS && (CAN1->MSR & CAN_MSR_INAK) == 0u; i++) {
-    }
-    CAN1->BTR = BTR_SEGMENTS | (PRESCALER_AT_1M * 1000u / kbps - 1u);
 
     CAN1->FMR |= CAN_FMR_FINIT;
     CAN1->FA1R = 0u;
@@ -67,8 +83,7 @@ void can_start(uint32_t kbps) {
     interrupt_enable(IRQ_CAN1_RX0, PRIORITY_STAMP);
     interrupt_enable(IRQ_CAN1_TX, PRIORITY_TRANSMIT);
     interrupt_enable(IRQ_CAN1_SCE, PRIORITY_TRANSMIT);
-    /* Joins the bus once it has seen 11 recessive bits; nobody waits for that, as no bus may be there. */
-    CAN1->MCR = CAN_MCR_ABOM | CAN_MCR_TXFP;
+    enter(0u);
 }
 
 /* --- Reception ----------------------------------------------------------------------------------- */
@@ -114,12 +129,68 @@ void can1_rx0_handler(void) {
     release();
 }
 
+/* --- Loopback ------------------------------------------------------------------------------------ */
+
+/* The only identifier that the filter lets pass, and bytes of which each frame has others. */
+static impid_can_frame_t loop_frame(uint32_t number) {
+    impid_can_frame_t frame = {.id = IMPID_MESSAGES_COMMAND_FRAME_ID, .dlc = 8u};
+    for (uint32_t i = 0; i < sizeof frame.data; i++) {
+        frame.data[i] = (uint8_t)((number + 1u) * (2u * i + 1u) * 41u);
+    }
+    return frame;
+}
+
+static void loop_receive(const impid_can_frame_t *frame) {
+    impid_can_frame_t expected = loop_frame(loop.back);
+    bool same = frame->id == expected.id && frame->dlc == expected.dlc &&
+                memcmp(frame->data, expected.data, sizeof expected.data) == 0;
+    loop.good += same ? 1u : 0u;
+    loop.back++;
+}
+
+static void loop_on(void) {
+    if (loop.wanted == 0u) {
+        return;
+    }
+    if (loop.back == loop.wanted || timebase_now_us() - loop.began_us > LOOP_LIMIT_US) {
+        loop.wanted = 0u;
+        enter(0u);
+    } else if (loop.back == loop.sent) {
+        impid_can_frame_t frame = loop_frame(loop.sent);
+        loop.sent += can_send(&frame) ? 1u : 0u;
+    } else {
+        /* the frame is on its way */
+    }
+}
+
+bool can_loop_start(uint32_t frames) {
+    if (frames == 0u || frames > LOOP_FRAMES_MAX || loop.wanted > 0u) {
+        return false;
+    }
+    loop.wanted = frames;
+    loop.sent = 0u;
+    loop.back = 0u;
+    loop.good = 0u;
+    loop.began_us = timebase_now_us();
+    enter(CAN_BTR_LBKM | CAN_BTR_SILM);
+    return true;
+}
+
+uint32_t can_looped(void) {
+    return loop.wanted > 0u ? UINT32_MAX : loop.good;
+}
+
 void can_poll(impid_core_t *core) {
     for (uint32_t i = 0; i < RECEIVE_FRAMES && taken != arrived; i++) {
         const arrival_t *arrival = &arrivals[taken % RECEIVE_FRAMES];
-        impid_core_can_receive(core, &arrival->frame, arrival->t_us);
+        if (loop.wanted > 0u) {
+            loop_receive(&arrival->frame);
+        } else {
+            impid_core_can_receive(core, &arrival->frame, arrival->t_us);
+        }
         taken++;
     }
+    loop_on();
 }
 
 bool can_pending(void) {

@@ -18,6 +18,11 @@ bool can_pending(void);
 bool can_send(const impid_can_frame_t *frame);
 /* How long what is sent now waits. */
 uint32_t can_backlog_us(void);
+/* For the bench test: off the bus, so many frames go through queue, mailbox, filter and FIFO of this
+ * controller alone, each once the one before is back. false: none or too many, or it is under way. */
+bool can_loop_start(uint32_t frames);
+/* How many came back as they went out, once it is over; UINT32_MAX: under way. */
+uint32_t can_looped(void);
 /* Adds the bus's part to the account. */
 void can_health(impid_port_health_t *health);
 

@@ -16,6 +16,12 @@
 
 /* true: runs on the external clock (25 to 50 ppm); false: on the internal one (1 %). */
 bool clock_start(void);
+/* Clocks the ports that carry pins. */
+void clock_start_ports(void);
+
+/* The external clock as the internal oscillator (1 %) counted it at boot; 0: there was none, or it was not
+ * counted. */
+uint32_t clock_external_hz(void);
 
 /* Clocks a peripheral. The read makes the first access wait until the clock is there (errata sheet ES0298,
  * delay after an RCC peripheral clock enabling). */

@@ -1,11 +1,14 @@
 #include "fault.h"
 
+#include "impid_assert.h"
 #include "impid_crc32.h"
 #include "impid_messages.h"
-#include "interrupts.h"
-#include "registers.h"
+#include "reset.h"
 #include "timebase.h"
 
+/* Of the chip that is built for. */
+#include <interrupts.h>
+#include <registers.h>
 #include <stdbool.h>
 #include <string.h>
 
@@ -36,28 +39,8 @@ static void seal(uint32_t fresh) {
     kept.crc = kept_crc();
 }
 
-static uint8_t cause_by_flags(uint32_t csr) {
-    if ((csr & (RCC_CSR_IWDGRSTF | RCC_CSR_WWDGRSTF)) != 0u) {
-        return IMPID_MESSAGES_STATUS_HEALTH_RESET_CAUSE_WATCHDOG_CHOICE;
-    }
-    if ((csr & RCC_CSR_SFTRSTF) != 0u) {
-        return IMPID_MESSAGES_STATUS_HEALTH_RESET_CAUSE_SOFTWARE_CHOICE;
-    }
-    /* Power-on sets the brown-out flag too, and every reset sets the pin's: so in this order. */
-    if ((csr & RCC_CSR_PORRSTF) != 0u) {
-        return IMPID_MESSAGES_STATUS_HEALTH_RESET_CAUSE_POWER_ON_CHOICE;
-    }
-    if ((csr & RCC_CSR_BORRSTF) != 0u) {
-        return IMPID_MESSAGES_STATUS_HEALTH_RESET_CAUSE_BROWN_OUT_CHOICE;
-    }
-    if ((csr & RCC_CSR_PINRSTF) != 0u) {
-        return IMPID_MESSAGES_STATUS_HEALTH_RESET_CAUSE_PIN_CHOICE;
-    }
-    return IMPID_MESSAGES_STATUS_HEALTH_RESET_CAUSE_UNKNOWN_CHOICE;
-}
-
 uint8_t fault_reset_cause(void) {
-    uint8_t cause = cause_by_flags(RCC->CSR);
+    uint8_t cause = reset_cause_by(RCC->CSR);
     RCC->CSR |= RCC_CSR_RMVF;
     if (kept.crc != kept_crc()) {
         (void)memset(&kept, 0, sizeof kept);
@@ -98,7 +81,7 @@ static _Noreturn void record_and_reset(fault_kind_t kind, const stacked_t *at, u
                              .cfsr = SCB->CFSR,
                              .hfsr = SCB->HFSR,
                              .address = address,
-                             .uptime_us = (TIM12->CNT << 16) | TIM4->CNT};
+                             .uptime_us = timebase_as_it_stands()};
     if (at != NULL) {
         kept.log.pc = at->pc;
         kept.log.lr = at->lr;
@@ -114,9 +97,10 @@ _Noreturn void fault_stop(fault_kind_t kind) {
     record_and_reset(kind, NULL, 0u);
 }
 
-void nmi_handler(void) {
-    RCC->CIR |= RCC_CIR_CSSC;
-    fault_stop(FAULT_CLOCK_LOST);
+_Noreturn void impid_assert_failed(const char *what) {
+    (void)what;
+    const stacked_t at = {.pc = (uint32_t)(uintptr_t)__builtin_return_address(0)};
+    record_and_reset(FAULT_ASSERTION, &at, 0u);
 }
 
 void unexpected_handler(void) {

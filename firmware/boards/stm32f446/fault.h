@@ -19,6 +19,7 @@ typedef enum {
     FAULT_ADC_OVERRUN = 3,
     FAULT_DMA = 4,                  /* a stream reported a transfer error, which stops it */
     FAULT_UNEXPECTED_INTERRUPT = 5, /* `address` holds the vector's number */
+    FAULT_ASSERTION = 6,            /* `pc`: just behind where the core found what cannot be */
 } fault_kind_t;
 
 /* The words that LOG returns, in this order. */

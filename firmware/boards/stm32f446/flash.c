@@ -1,5 +1,6 @@
 #include "flash.h"
 
+#include "fault.h"
 #include "registers.h"
 #include "slots.h"
 #include "watchdog.h"
@@ -28,7 +29,19 @@ static void unlock(void) {
     FLASH->SR = FLASH_SR_ERRORS; /* cleared by writing 1 */
 }
 
+static bool cut_ahead;
+static uint32_t words_to_cut;
+
+void flash_cut_after(uint32_t words) {
+    words_to_cut = words;
+    cut_ahead = true;
+}
+
 static bool program(volatile uint32_t *place, uint32_t value) {
+    if (cut_ahead && words_to_cut == 0u) {
+        fault_reset();
+    }
+    words_to_cut -= cut_ahead ? 1u : 0u;
     unlock();
     FLASH->CR = FLASH_CR_PSIZE_X32 | FLASH_CR_PG;
     *place = value;

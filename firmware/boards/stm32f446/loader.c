@@ -7,10 +7,12 @@
  * place.
  */
 #include "impid_slots.h"
-#include "interrupts.h"
-#include "registers.h"
-#include "slots.h"
 #include "watchdog.h"
+
+/* Of the chip that is built for. */
+#include <interrupts.h>
+#include <registers.h>
+#include <slots.h>
 
 _Noreturn void loader_reset(void);
 
@@ -40,8 +42,7 @@ static void mark_tried(uint32_t slot) {
     FLASH->KEYR = FLASH_KEY1;
     FLASH->KEYR = FLASH_KEY2;
     FLASH->SR = FLASH_SR_ERRORS;
-    FLASH->CR = FLASH_CR_PSIZE_X32 | FLASH_CR_PG;
-    *slot_word(slot, IMPID_SLOT_AT_TRIED) = 0u;
+    slot_clear_word(slot_word(slot, IMPID_SLOT_AT_TRIED));
     __asm volatile("dsb" ::: "memory");
     while ((FLASH->SR & FLASH_SR_BSY) != 0u) {
     }

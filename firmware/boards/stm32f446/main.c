@@ -1,21 +1,24 @@
-/* The board: brings the hardware up, gives the core its port, and runs the main loop. */
+/* The board: brings the hardware up, gives the core its port, and runs the main loop. For every chip. */
+#include "adxl355.h"
 #include "board.h"
 #include "can.h"
-#include "clock.h"
 #include "fault.h"
 #include "flash.h"
 #include "impid_build.h"
 #include "impid_messages.h"
-#include "interrupts.h"
+#include "inputs.h"
 #include "pin.h"
-#include "registers.h"
-#include "sampling.h"
 #include "serial.h"
-#include "slots.h"
 #include "timebase.h"
 #include "watchdog.h"
 
-enum { AF_TIM2 = 1, AF_TIM4 = 2, AF_TIM5 = 2 };
+/* Of the chip that is built for. */
+#include <bench.h>
+#include <clock.h>
+#include <interrupts.h>
+#include <registers.h>
+#include <sampling.h>
+#include <slots.h>
 
 /* As long as a serial line can need for what is queued, twice. */
 #define RESET_PATIENCE_TICKS 30u
@@ -46,7 +49,11 @@ static uint32_t port_backlog_us(void *context, impid_carrier_t carrier) {
 
 static void port_self_test_pin(void *context, bool drive) {
     (void)context;
-    pin_write(BOARD_SELF_TEST, drive);
+    if (BOARD_DIGITAL) {
+        adxl355_self_test(drive);
+    } else {
+        pin_write(BOARD_SELF_TEST, drive);
+    }
 }
 
 static impid_port_health_t port_health(void *context) {
@@ -75,30 +82,11 @@ static const impid_port_t port = {
 };
 
 static void set_pins_up(void) {
-    clock_enable(&RCC->AHB1ENR, RCC_AHB1ENR_GPIOA | RCC_AHB1ENR_GPIOB | RCC_AHB1ENR_GPIOC);
+    clock_start_ports();
     pin_analogue(BOARD_ACCEL_X);
     pin_analogue(BOARD_ACCEL_Y);
     pin_output(BOARD_SELF_TEST);
     pin_output(BOARD_LED);
-}
-
-static pin_pull_t pull(impid_setting_t setting, pin_pull_t direction) {
-    return settings.values[setting] != 0u ? direction : PIN_PULL_NONE;
-}
-
-/* Above VDD + 0.3 V a pin stands only without its pull (STM32F446xC/xE data sheet, I/O static
- * characteristics), so the inputs to which 5 V may come are as the settings say, and without any until those
- * are read. */
-static void set_inputs_up(void) {
-    pin_pull_t encoder_1 = pull(IMPID_SETTING_ENCODER_1_PULL, PIN_PULL_UP);
-    pin_pull_t encoder_2 = pull(IMPID_SETTING_ENCODER_2_PULL, PIN_PULL_UP);
-    pin_alternate(BOARD_ENCODER_1_A, AF_TIM2, encoder_1);
-    pin_alternate(BOARD_ENCODER_1_B, AF_TIM2, encoder_1);
-    pin_alternate(BOARD_ENCODER_2_A, AF_TIM5, encoder_2);
-    pin_alternate(BOARD_ENCODER_2_B, AF_TIM5, encoder_2);
-    pin_input(BOARD_ENCODER_1_FAULT, pull(IMPID_SETTING_FAULT_1_PULL, PIN_PULL_UP));
-    pin_input(BOARD_ENCODER_2_FAULT, pull(IMPID_SETTING_FAULT_2_PULL, PIN_PULL_UP));
-    pin_alternate(BOARD_SYNC, AF_TIM4, pull(IMPID_SETTING_SYNC_PULL, PIN_PULL_DOWN));
 }
 
 /* Slow blink: waiting for a command; fast: streaming or self-testing. */
@@ -154,12 +142,14 @@ int main(void) {
     sampling_measure_supply();
 
     impid_settings_init(&settings, &flash_settings);
-    set_inputs_up();
+    inputs_start(&settings);
+    bench_start(&settings);
     (void)impid_settings_prepare(&settings);
     watchdog_refresh(); /* two erases may lie behind */
     uint32_t boot_count = impid_settings_count_boot(&settings);
 
     impid_core_config_t config = {
+        .sensor = &BOARD_SENSOR,
         .uid = {UNIQUE_ID[0], UNIQUE_ID[1], UNIQUE_ID[2]},
         .board_id = BOARD_ID,
         .build_commit = IMPID_BUILD_COMMIT,
@@ -170,11 +160,16 @@ int main(void) {
                                        : IMPID_MESSAGES_STATUS_HEALTH_CLOCK_SOURCE_HSI_CHOICE,
         .settings = &settings,
         .log = (const uint32_t *)(const void *)fault_log(),
+        .external_clock_hz = clock_external_hz(),
         .log_words = FAULT_LOG_WORDS,
         .slots = &slots,
+        .bench = BENCH_PORT,
         .trace = fault_trace(),
     };
     impid_core_init(&core, &config, &port);
+    if (BOARD_DIGITAL) {
+        adxl355_start();
+    }
     sampling_start(&core); /* the time first: receive interrupts stamp with it */
     serial_start();
     can_start(settings.values[IMPID_SETTING_CAN_KBPS]);
@@ -187,6 +182,7 @@ int main(void) {
         show_state(timebase_now_us());
         refresh_watchdog();
         reset_when_sent();
+        bench_poll();
         sleep_unless(ticks != sampling_ticks());
     }
 }

@@ -2,7 +2,7 @@
 #ifndef PIN_H
 #define PIN_H
 
-#include "registers.h"
+#include <registers.h> /* of the chip that is built for */
 
 #include <stdbool.h>
 

@@ -62,6 +62,7 @@ typedef struct {
 #define RCC_CFGR_SWS_Msk    (3u << 2)
 #define RCC_CFGR_SWS_PLL    (2u << 2)
 #define RCC_CFGR_PPRE1_2    (4u << 10)
+#define RCC_CFGR_RTCPRE_Pos 16
 #define RCC_CIR_CSSF        (1u << 7)
 #define RCC_CIR_CSSC        (1u << 23)
 #define RCC_AHB1ENR_GPIOA   (1u << 0)
@@ -74,11 +75,14 @@ typedef struct {
 #define RCC_APB1ENR_TIM4    (1u << 2)
 #define RCC_APB1ENR_TIM5    (1u << 3)
 #define RCC_APB1ENR_TIM12   (1u << 6)
+#define RCC_APB1ENR_SPI2    (1u << 14)
 #define RCC_APB1ENR_USART2  (1u << 17)
 #define RCC_APB1ENR_CAN1    (1u << 25)
 #define RCC_APB1ENR_PWR     (1u << 28)
+#define RCC_APB2ENR_TIM1    (1u << 0)
 #define RCC_APB2ENR_ADC1    (1u << 8)
 #define RCC_APB2ENR_ADC2    (1u << 9)
+#define RCC_APB2ENR_TIM11   (1u << 18)
 #define RCC_CSR_RMVF        (1u << 24)
 #define RCC_CSR_BORRSTF     (1u << 25)
 #define RCC_CSR_PINRSTF     (1u << 26)
@@ -150,32 +154,59 @@ typedef struct {
 #define ADC_JSQR_ONE(n)      ((uint32_t)(n) << 15) /* JL = 0: JSQ4 is the sequence */
 #define ADC_VREFINT_CHANNEL  17u
 
-/* --- Timers (17: TIM2 to TIM5; 18: TIM12) -------------------------------------------------------- */
+/* --- Timers (17: TIM2 to TIM5; 18: TIM11, TIM12) ------------------------------------------------- */
 typedef struct {
     reg_t CR1, CR2, SMCR, DIER, SR, EGR, CCMR1, CCMR2, CCER, CNT, PSC, ARR, reserved1, CCR1, CCR2, CCR3, CCR4;
+    reg_t reserved2[3], OR;
 } tim_regs_t;
-#define TIM2                    ((tim_regs_t *)0x40000000u)
-#define TIM3                    ((tim_regs_t *)0x40000400u)
-#define TIM4                    ((tim_regs_t *)0x40000800u)
-#define TIM5                    ((tim_regs_t *)0x40000C00u)
-#define TIM12                   ((tim_regs_t *)0x40001800u)
-#define TIM_CR1_CEN             (1u << 0)
-#define TIM_CR2_MMS_UPDATE      (2u << 4)
-#define TIM_SMCR_SMS_ENCODER    3u /* counts on both edges of TI1 and TI2 */
-#define TIM_SMCR_SMS_TRIGGER    6u
-#define TIM_SMCR_SMS_EXTERNAL_1 7u
-#define TIM_SMCR_TS_ITR(n)      ((uint32_t)(n) << 4)
-#define TIM_DIER_CC3DE          (1u << 11)
-#define TIM_SR_CC1IF            (1u << 1)
-#define TIM_SR_CC1OF            (1u << 9)
-#define TIM_EGR_UG              (1u << 0)
-#define TIM_CCMR1_CC1S_TI1      (1u << 0)
-#define TIM_CCMR1_IC1F(n)       ((uint32_t)(n) << 4)
-#define TIM_CCMR1_CC2S_TI2      (1u << 8)
-#define TIM_CCMR1_IC2F(n)       ((uint32_t)(n) << 12)
-#define TIM_CCMR2_CC3S_TRC      3u
-#define TIM_CCER_CC1E           (1u << 0)
-#define TIM_CCER_CC3E           (1u << 8)
+#define TIM2                     ((tim_regs_t *)0x40000000u)
+#define TIM3                     ((tim_regs_t *)0x40000400u)
+#define TIM4                     ((tim_regs_t *)0x40000800u)
+#define TIM5                     ((tim_regs_t *)0x40000C00u)
+#define TIM11                    ((tim_regs_t *)0x40014800u)
+#define TIM12                    ((tim_regs_t *)0x40001800u)
+#define TIM_CR1_CEN              (1u << 0)
+#define TIM_CR2_MMS_UPDATE       (2u << 4)
+#define TIM_SMCR_SMS_ENCODER     3u /* counts on both edges of TI1 and TI2 */
+#define TIM_SMCR_SMS_TRIGGER     6u
+#define TIM_SMCR_SMS_EXTERNAL_1  7u
+#define TIM_SMCR_TS_ITR(n)       ((uint32_t)(n) << 4)
+#define TIM_DIER_CC3DE           (1u << 11)
+#define TIM_SR_CC1IF             (1u << 1)
+#define TIM_SR_CC1OF             (1u << 9)
+#define TIM_EGR_UG               (1u << 0)
+#define TIM_CCMR1_CC1S_TI1       (1u << 0)
+#define TIM_CCMR1_IC1PSC_8       (3u << 2)
+#define TIM_CCMR1_OC1M_TOGGLE    (3u << 4)
+#define TIM_CCMR1_OC1M_FORCE_LOW (4u << 4)
+#define TIM_CCMR1_IC1F(n)        ((uint32_t)(n) << 4)
+#define TIM_CCMR1_CC2S_TI2       (1u << 8)
+#define TIM_CCMR1_IC2F(n)        ((uint32_t)(n) << 12)
+#define TIM_CCMR2_CC3S_TRC       3u
+#define TIM_CCER_CC1E            (1u << 0)
+#define TIM_CCER_CC3E            (1u << 8)
+#define TIM11_OR_TI1_HSE_RTC     2u
+
+/* --- Advanced timer (16) ------------------------------------------------------------------------- */
+typedef struct {
+    reg_t CR1, CR2, SMCR, DIER, SR, EGR, CCMR1, CCMR2, CCER, CNT, PSC, ARR, RCR, CCR1, CCR2, CCR3, CCR4, BDTR;
+} tim1_regs_t;
+#define TIM1                 ((tim1_regs_t *)0x40010000u)
+#define TIM1_CCMR1_OC2M_PWM2 (7u << 12)
+#define TIM1_CCER_CC2E       (1u << 4)
+#define TIM1_BDTR_MOE        (1u << 15)
+
+/* --- SPI (26) ------------------------------------------------------------------------------------ */
+typedef struct {
+    reg_t CR1, CR2, SR, DR;
+} spi_regs_t;
+#define SPI2         ((spi_regs_t *)0x40003800u)
+#define SPI_CR1_MSTR (1u << 2)
+#define SPI_CR1_BR_8 (2u << 3)
+#define SPI_CR1_SPE  (1u << 6)
+#define SPI_CR1_SSI  (1u << 8)
+#define SPI_CR1_SSM  (1u << 9)
+#define SPI_SR_RXNE  (1u << 0)
 
 /* --- Independent watchdog (20) ------------------------------------------------------------------- */
 typedef struct {
@@ -243,6 +274,8 @@ typedef struct {
 #define CAN_RIR_STID_Pos 21
 #define CAN_RDTR_DLC_Msk 15u
 #define CAN_FMR_FINIT    (1u << 0)
+#define CAN_BTR_LBKM     (1u << 30)
+#define CAN_BTR_SILM     (1u << 31)
 
 /* --- Device electronic signature (34); VREFINT_CAL: data sheet, embedded reference voltage -------- */
 #define UNIQUE_ID   ((const volatile uint32_t *)0x1FFF7A10u)

@@ -1,5 +1,6 @@
 #include "sampling.h"
 
+#include "adxl355.h"
 #include "board.h"
 #include "clock.h"
 #include "fault.h"
@@ -8,12 +9,13 @@
 #include "registers.h"
 #include "timebase.h"
 
+enum { AF_TIM3 = 2 };
+
 #define CONVERSIONS    (2u * IMPID_OVERSAMPLING) /* two halves */
-#define TRIGGER_HZ     (IMPID_SAMPLE_RATE_HZ * IMPID_OVERSAMPLING)
 #define ENCODER_FILTER 3u /* eight equal readings at 90 MHz: pulses below 89 ns are ignored */
 /* An overdue half is overwritten from its first conversion on: 125 us after the next tick's instant, less
  * what the tick itself takes. */
-#define READABLE_US 50u
+#define READABLE_US (BOARD_DIGITAL ? 0u : 50u)
 /* The reference is read so often, and takes 22 us of the 125 us to the next trigger. */
 #define SUPPLY_TICKS    128u
 #define SUPPLY_START_US 60u
@@ -33,6 +35,9 @@ static volatile uint16_t worst_us;
 static volatile uint16_t supply_mV;
 static volatile uint32_t sync_us;
 static volatile uint32_t sync_count;
+static volatile sampling_latest_t latest;
+/* Where the bench test wants its edge: written by the main loop, followed by the interrupt. */
+static volatile uint32_t edge_clock = SAMPLING_TRIGGER_CLOCKS;
 
 /* --- Supply -------------------------------------------------------------------------------------- */
 
@@ -78,7 +83,9 @@ static void follow_supply(uint32_t since_us) {
     static uint32_t readings;
     if ((ADC1->SR & ADC_SR_JEOC) != 0u) {
         ADC1->SR = ~ADC_SR_JEOC; /* cleared by writing 0, the others are left alone by writing 1 */
-        sum += ADC1->JDR[0];
+        uint32_t code = ADC1->JDR[0];
+        impid_core_reference(core, (uint16_t)code);
+        sum += code;
         readings++;
     }
     if (readings == READINGS) {
@@ -86,7 +93,8 @@ static void follow_supply(uint32_t since_us) {
         sum = 0u;
         readings = 0u;
     }
-    if (ticks % SUPPLY_TICKS == 0u && since_us < SUPPLY_START_US) {
+    bool wanted = ticks % SUPPLY_TICKS == 0u || impid_core_wants_reference(core);
+    if (wanted && since_us < SUPPLY_START_US) {
         ADC1->CR2 |= ADC_CR2_JSWSTART;
     }
 }
@@ -148,7 +156,7 @@ void sampling_start(impid_core_t *the_core) {
     start_encoder(TIM2, 2u); /* ITR2 of TIM2 is TIM3 */
     start_encoder(TIM5, 1u); /* ITR1 of TIM5 is TIM3 */
 
-    TIM3->ARR = CLOCK_TIMER_HZ / TRIGGER_HZ - 1u;
+    TIM3->ARR = SAMPLING_TRIGGER_CLOCKS - 1u;
     TIM3->CR2 = TIM_CR2_MMS_UPDATE;
     TIM3->SMCR = TIM_SMCR_TS_ITR(3) | TIM_SMCR_SMS_TRIGGER; /* ITR3 = TIM4 */
 
@@ -183,7 +191,22 @@ static bool sync_edge_until(uint32_t t_us) {
     return seen;
 }
 
+/* The readings of a digital sensor that belong to the instant that is due; false: it holds later ones by now.
+ */
+static bool read_sensor(uint32_t reading[IMPID_AXES_MAX]) {
+    if (BOARD_DIGITAL) {
+        adxl355_read(reading);
+        return timebase_now_us() - due_us < ADXL355_READABLE_US;
+    }
+    return true;
+}
+
 static void serve_due(uint8_t lateness) {
+    uint32_t reading[IMPID_AXES_MAX] = {0};
+    if (!read_sensor(reading)) {
+        impid_core_missed(core, 1u);
+        return;
+    }
     uint8_t flags = lateness;
     uint32_t first = half * IMPID_OVERSAMPLING;
     uint32_t last = first + IMPID_OVERSAMPLING - 1u;
@@ -197,11 +220,28 @@ static void serve_due(uint8_t lateness) {
     impid_tick_t tick = {
         /* No longer volatile for the core: DMA does not come back to this half before 1125 us have passed. */
         .adc = (const uint16_t *)(uintptr_t)&conversions[first][0],
+        .wide = reading,
         .encoder = {latched[0][last], latched[1][last]},
         .t_us = due_us,
         .flags = flags,
     };
     impid_core_tick(core, &tick);
+    latest.encoder[0] = tick.encoder[0];
+    latest.encoder[1] = tick.encoder[1];
+    latest.codes = (uint32_t)conversions[last][0] | ((uint32_t)conversions[last][1] << 16);
+}
+
+/* In the first half of a period, so that the next toggle is the first of this tick's eight, or of its seven
+ * behind which the eighth comes just after the instant. */
+static void follow_edge(void) {
+    static uint32_t followed = SAMPLING_TRIGGER_CLOCKS;
+    uint32_t clock = edge_clock;
+    if (clock != followed) {
+        followed = clock;
+        TIM3->CCMR1 = TIM_CCMR1_OC1M_FORCE_LOW;
+        TIM3->CCR1 = clock;
+        TIM3->CCMR1 = clock < SAMPLING_TRIGGER_CLOCKS ? TIM_CCMR1_OC1M_TOGGLE : TIM_CCMR1_OC1M_FORCE_LOW;
+    }
 }
 
 static void pass_due(uint32_t periods) {
@@ -235,6 +275,7 @@ void dma2_stream0_handler(void) {
     pass_due(1u);
 
     ticks++;
+    follow_edge();
     follow_supply(timebase_now_us() - (due_us - IMPID_PERIOD_US));
     uint32_t took_us = timebase_now_us() - entered_us;
     if (took_us > worst_us) {
@@ -250,6 +291,24 @@ void adc_handler(void) {
 
 uint32_t sampling_ticks(void) {
     return ticks;
+}
+
+const volatile sampling_latest_t *sampling_latest(void) {
+    return &latest;
+}
+
+bool sampling_edge(uint32_t clock) {
+    if (clock == SAMPLING_TRIGGER_CLOCKS) {
+        pin_input(BOARD_EDGE, PIN_PULL_NONE);
+    } else if (clock < SAMPLING_EDGE_EARLY ||
+               (clock > SAMPLING_EDGE_LATE && clock < SAMPLING_TRIGGER_CLOCKS)) {
+        TIM3->CCER = TIM_CCER_CC1E;
+        pin_alternate(BOARD_EDGE, AF_TIM3, PIN_PULL_NONE);
+    } else {
+        return false;
+    }
+    edge_clock = clock;
+    return true;
 }
 
 void sampling_health(impid_port_health_t *health) {

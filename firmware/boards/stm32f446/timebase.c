@@ -34,6 +34,10 @@ uint32_t timebase_now_us(void) {
     }
 }
 
+uint32_t timebase_as_it_stands(void) {
+    return (TIM12->CNT << 16) | TIM4->CNT;
+}
+
 bool timebase_sync_edge(uint32_t *t_us) {
     if ((TIM4->SR & TIM_SR_CC1IF) == 0u) {
         return false;

@@ -14,6 +14,8 @@
 void timebase_start(void);
 /* Any context. Takes up to 1 us longer within the first microsecond of each 65536. */
 uint32_t timebase_now_us(void);
+/* Where a fault may have stopped everything else: no loop, so it may be 65536 us off. */
+uint32_t timebase_as_it_stands(void);
 /* An edge on the sync input since the last call: true, and its time. One caller: the tick. */
 bool timebase_sync_edge(uint32_t *t_us);
 

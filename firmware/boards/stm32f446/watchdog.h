@@ -6,7 +6,7 @@
 #ifndef WATCHDOG_H
 #define WATCHDOG_H
 
-#include "registers.h"
+#include <registers.h> /* of the chip that is built for */
 
 static inline void watchdog_start(void) {
     IWDG->KR = IWDG_KR_START;

@@ -2,29 +2,35 @@
 
 The emulated chip is wired as `wiring` says, by default as firmware/boards/nucleo_f446re/README.md does. A
 row of `run` is a millisecond of the world: what the converters see at eight instants 125 us apart, and
-where the encoders are at the last of them. Rows are laid on the chip's own trigger grid at its first
+where the encoders are at the last of them. Where a digital accelerometer is wired, the row holds what lies in
+it at the tick, and the converters see mid-scale. Rows are laid on the chip's own trigger grid at its first
 conversion; between ticks encoders move linearly, and they rest for 1 us around each tick, so a latch that
 is later than that shows in the samples. So do the voltages between conversions: one held more than 1 us
 after its trigger is another one.
 """
 
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from hil_sim.board.elf.adxl355 import AXES, Adxl355
 from hil_sim.board.elf.can_frame import Frame
 from hil_sim.board.elf.chip import CData, ffi, lib
 from hil_sim.board.elf.errors import EmulatorError
+from hil_sim.board.elf.gpio import OUTPUT
 from hil_sim.board.elf.image import flash
 from hil_sim.board.elf.memory import Memory
 from hil_sim.board.elf.signature import VREFINT_CAL
 from hil_sim.board.elf.soc import Soc
+from hil_sim.board.elf.wire import Wire
 from hil_sim.board.elf.wiring import NUCLEO, Wiring
 from hil_sim.board.native import TICK_US, BoardConfig
 
 CONVERSIONS = 8  # as world.c has them, with the two periods
+MID_SCALE = 2048
 TRIGGER_S = 125e-6
 TICK_S = 1e-3
 BOOT_STEP_S = 50e-6
@@ -67,9 +73,13 @@ class ElfBoard:
         self._world.channels = wiring.axes
         self.soc.chip.world = self._world
         self._adc: NDArray[np.uint16]  # (n, 8, 2), of the rows that run
+        self._digital = np.full((1, AXES), 1 << 19, np.uint32)  # the row before, then those that run
+        self.sensor: Adxl355 | None = None
         self._encoder: NDArray[np.int64]  # (n + 1, 2), unwrapped: the row before, then those that run
         self._rows: int  # since boot
+        self.wire: Wire | None = None
         self.supply_mV = 3300  # of the chip and of what it measures
+        self.reference_noise: Callable[[], float] = lambda: 0.0  # codes
         self.soc.stop_at_reset = True
         self.reboot()
 
@@ -102,12 +112,37 @@ class ElfBoard:
             timer.follow_world(axis, partial(self._position, axis, name))
         for port, pin in self.wiring.encoder_faults:
             self.soc.gpio[port].drive(pin, True)
+        if self.wire is not None:
+            self.wire.connect()
         self.soc.can1.sent.clear()
+        if self.wiring.select is not None:
+            self._connect_sensor(*self.wiring.select)
+
+    def _connect_sensor(self, port: str, pin: int) -> None:
+        """A digital accelerometer keeps its power, and its settings, over a reset of the chip."""
+        sensor = self.sensor = self.sensor or Adxl355(self._latest_reading)
+        gpio = self.soc.gpio[port]
+        gpio.watch(lambda: sensor.select(gpio.mode(pin) == OUTPUT and not gpio.level(pin)))
+        self.soc.spi2.exchange = sensor.exchange
+
+    def _latest_reading(self) -> tuple[int, tuple[int, int, int]]:
+        """How often SYNC has risen since the triggers began, and what the sensor holds since."""
+        rise = self.soc.tim1.rise_s()
+        if rise is None or not self._world.converting:
+            return 0, (0, 0, 0)
+        first_s, period_s = rise
+        since_s = self.soc.schedule.seconds() - (self._first_trigger_s - TRIGGER_S) - first_s
+        rises = int(since_s // period_s) + 1
+        place = min(max(rises - self._world.first_row, 0), len(self._digital) - 1)
+        x, y, z = (int(code) for code in self._digital[place])
+        return max(rises, 0), (x, y, z)
 
     def _analog(self, channel: int) -> int:
         """What the world does not put on a channel itself."""
         if channel == VREFINT_CHANNEL:
-            return round(VREFINT_CAL * 3300 / self.supply_mV)
+            return round(VREFINT_CAL * 3300 / self.supply_mV + self.reference_noise())
+        if self.wire is not None and (code := self.wire.code(channel)) is not None:
+            return code
         if channel not in self.wiring.axes:
             raise EmulatorError(f"nothing is wired to ADC channel {channel}")
         raise EmulatorError(f"the pin of ADC channel {channel} is not in analogue mode")
@@ -154,6 +189,8 @@ class ElfBoard:
     @property
     def self_test_pin(self) -> bool:
         """The accelerometer's self-test input is driven."""
+        if self.sensor is not None:
+            return self.sensor.self_test
         port, pin = self.wiring.self_test
         return self.soc.gpio[port].level(pin)
 
@@ -164,14 +201,19 @@ class ElfBoard:
 
     def run(
         self,
-        adc: NDArray[np.uint16],
+        adc: NDArray[np.uint16] | NDArray[np.uint32],
         encoder: NDArray[np.int32],
         faults: NDArray[np.uint8] | None = None,
     ) -> None:
         """Runs one tick per row, to just before the next tick's first conversion.
 
-        adc: (n, 8, 2) codes; encoder: (n, 2) counts; faults: (n,) bits as in impid_board.h.
+        adc: (n, 8, 2) codes, of a digital sensor (n, 1, 3); encoder: (n, 2) counts; faults: (n,) bits as in
+        impid_board.h.
         """
+        if self.sensor is not None:
+            rows = np.asarray(adc, np.uint32).reshape(-1, AXES)
+            self._digital = np.concatenate([self._digital[-1:], rows])
+            adc = np.full((len(rows), CONVERSIONS, 2), MID_SCALE, np.uint16)
         counts = np.asarray(encoder).astype(np.int64)
         steps = np.diff(counts, axis=0, prepend=self._encoder[-1:]).astype(
             np.int32

@@ -13,6 +13,7 @@
 enum { MCR = 0, MSR = 1, TSR = 2, RF0R = 3, IER = 5, ESR = 6, BTR = 7 };
 enum { FMR = 0x200 / 4, FM1R = 0x204 / 4, FS1R = 0x20C / 4, FFA1R = 0x214 / 4, FA1R = 0x21C / 4 };
 enum { TXFP = 1 << 2, RFLM = 1 << 3, NART = 1 << 4, ABOM = 1 << 6 };
+enum { LBKM = 1 << 30 };
 enum { INAK = 1, SLAK = 2, ERRI = 1 << 2 };
 enum { TMEIE = 1, FMPIE0 = 1 << 1, FFIE0 = 1 << 2, FOVIE0 = 1 << 3 };
 enum { EWGIE = 1 << 8, EPVIE = 1 << 9, BOFIE = 1 << 10, LECIE = 1 << 11, ERRIE = 1 << 15 };
@@ -123,6 +124,17 @@ void can_counters_changed(can *n, uint32_t lec) {
     can_update_lines(n);
 }
 
+/* Test modes (30.5): with LBKM the controller hears itself alone, with SILM too nobody hears it. */
+static int loops(const can *n) {
+    return (n->reg[BTR] & LBKM) != 0;
+}
+
+static int silent(const can *n) {
+    return n->reg[BTR] >> 31 != 0;
+}
+
+static void accept(can *n, can_frame frame);
+
 /* --- transmission (30.7.1) ----------------------------------------------------------------------- */
 
 /* The pending mailbox that goes first: by order of request with TXFP, else by identifier. */
@@ -153,7 +165,15 @@ static void failed(can *n, uint32_t box, uint32_t lec, int32_t penalty) {
 }
 
 static void transmitted(can *n, uint32_t box) {
-    if (!chip_route(n->bank.chip, n->tx_signal)) {
+    if (loops(n)) {
+        const can_frame frame = frame_in(n, box);
+        if (!silent(n)) {
+            push(&n->sent, frame);
+        }
+        release(n, box, 0x3u); /* RQCP, TXOK: an acknowledge is not looked for (30.5.2) */
+        can_counters_changed(n, 0);
+        accept(n, frame);
+    } else if (!chip_route(n->bank.chip, n->tx_signal)) {
         chip_violate(n->bank.chip, n->bank.name, "7.3.2", "transmission while no pin is switched to TX");
     } else if (n->damaged_transmissions > 0) {
         --n->damaged_transmissions;
@@ -198,7 +218,7 @@ static int32_t filter(can *n, uint32_t identifier) {
 
 static void accept(can *n, can_frame frame) {
     n->rec = n->rec >= PASSIVE ? PASSIVE - 1 : n->rec > 0 ? n->rec - 1 : 0;
-    if (!chip_route(n->bank.chip, n->rx_signal)) {
+    if (!loops(n) && !chip_route(n->bank.chip, n->rx_signal)) {
         return;
     }
     const int32_t fifo = filter(n, frame.identifier);
@@ -229,7 +249,10 @@ static void frame_ends(chip *c, void *owner, uint64_t detail) {
         transmitted(n, (uint32_t)n->sending);
         n->sending = -1;
     } else if (n->waiting.count > 0) {
-        accept(n, pop(&n->waiting));
+        const can_frame frame = pop(&n->waiting);
+        if (!loops(n)) { /* else the input is not looked at (30.5.2) */
+            accept(n, frame);
+        }
     }
     can_arbitrate(n);
     can_update_lines(n);

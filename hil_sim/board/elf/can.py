@@ -31,7 +31,7 @@ class Can(Peripheral):
         Register("RF1R", 0x10, "30.9.2", 0, 0x3F),
         Register("IER", 0x14, "30.9.2", 0, INTERRUPTS),
         Register("ESR", 0x18, "30.9.2", 0, 0x70),
-        Register("BTR", 0x1C, "30.9.2", 0x0123_0000, 0x037F_03FF),
+        Register("BTR", 0x1C, "30.9.2", 0x0123_0000, 0xC37F_03FF),
         Register("FMR", 0x200, "30.9.4", 0x2A1C_0E01, 0x3F01),
         Register("FM1R", 0x204, "30.9.4", 0, (1 << FILTERS) - 1),
         Register("FS1R", 0x20C, "30.9.4", 0, (1 << FILTERS) - 1),
@@ -152,6 +152,8 @@ class Can(Peripheral):
         """Bit timing, in initialisation mode only."""
         if not self.initialising:
             raise self.violation("BTR written outside initialisation mode", "30.9.2")
+        if value >> 30 not in (0, 1, 3):
+            raise self.unmodelled("silent mode without loopback", "BTR", 0x1C, value)
         self.value["BTR"] = value
 
     # --- registers ----------------------------------------------------------------------------------

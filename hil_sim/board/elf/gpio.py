@@ -1,5 +1,6 @@
 """General-purpose I/O ports (RM0390 chapter 7)."""
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING, ClassVar
 
 from hil_sim.board.elf.chip import CData, ffi, lib
@@ -31,6 +32,7 @@ class Gpio(Peripheral):
 
     def __init__(self, letter: str, base: int, soc: "Soc") -> None:
         super().__init__(f"GPIO{letter}", base, soc)
+        self._watcher: Callable[[], None] | None = None
         for name, value in zip(("MODER", "OSPEEDR", "PUPDR"), RESETS.get(letter, (0, 0, 0)), strict=True):
             self.value[name] = value
 
@@ -61,8 +63,15 @@ class Gpio(Peripheral):
     def write(self, offset: int, size: int, value: int) -> None:
         """Some writes change what the pins are for."""
         super().write(offset, size, value)
+        if self._watcher is not None:
+            self._watcher()
         if offset < 0x04 or offset >= 0x20:  # MODER, AFRL, AFRH
             self.soc.pins_changed()
+
+    def watch(self, watcher: Callable[[], None]) -> None:
+        """Called after each write; the port is then slower."""
+        self._watcher = watcher
+        self.soc.take_from_c(self)
 
     def read_idr(self) -> int:
         """Levels of the sixteen pins."""

@@ -33,7 +33,8 @@ GATES = {
     "DMA1": ("AHB1ENR", 21), "DMA2": ("AHB1ENR", 22),
     "TIM2": ("APB1ENR", 0), "TIM3": ("APB1ENR", 1), "TIM4": ("APB1ENR", 2), "TIM5": ("APB1ENR", 3),
     "TIM12": ("APB1ENR", 6), "USART2": ("APB1ENR", 17), "CAN1": ("APB1ENR", 25), "PWR": ("APB1ENR", 28),
-    "ADC1": ("APB2ENR", 8), "ADC2": ("APB2ENR", 9),
+    "ADC1": ("APB2ENR", 8), "ADC2": ("APB2ENR", 9), "TIM1": ("APB2ENR", 0), "TIM11": ("APB2ENR", 18),
+    "SPI2": ("APB1ENR", 14),
 }  # fmt: skip
 
 
@@ -49,7 +50,7 @@ class Rcc(Peripheral):
             "CR", 0x00, "6.3.1", 0x83, HSION | HSIRDY | HSEON | HSERDY | HSEBYP | CSSON | PLLON | PLLRDY
         ),
         Register("PLLCFGR", 0x04, "6.3.2", 0x2400_3010, 0x7F43_7FFF),
-        Register("CFGR", 0x08, "6.3.3", 0, 0x0000_FCFF),
+        Register("CFGR", 0x08, "6.3.3", 0, 0x001F_FCFF),
         Register("CIR", 0x0C, "6.3.4", 0, CSSC | CSSF),
         Register("AHB1ENR", 0x30, "6.3.10", 0, _gate_mask("AHB1ENR")),
         Register("APB1ENR", 0x40, "6.3.13", 0, _gate_mask("APB1ENR")),
@@ -80,7 +81,7 @@ class Rcc(Peripheral):
             raise self.violation(f"PLLQ {config >> 24 & 0xF} is not allowed", "6.3.2")
         if divider_m < 2 or not 50 <= factor_n <= 432:
             raise self.violation(f"PLLM {divider_m} or PLLN {factor_n} is not allowed", "6.3.2")
-        source = (HSE_HZ if config >> 22 & 1 else HSI_HZ) / divider_m
+        source = (HSE_HZ if config >> 22 & 1 else self.soc.hsi_hz) / divider_m
         if not 1e6 <= source <= 2e6 or not 100e6 <= source * factor_n <= 432e6:
             raise self.violation(f"VCO input {source} Hz or output {source * factor_n} Hz", "6.3.2")
         return source * factor_n / divider_p
@@ -88,7 +89,7 @@ class Rcc(Peripheral):
     def sysclk_hz(self) -> float:
         """Frequency of the selected system clock."""
         source = self.value["CFGR"] & 3
-        return HSI_HZ if source == 0 else HSE_HZ if source == 1 else self.pll_hz()
+        return self.soc.hsi_hz if source == 0 else HSE_HZ if source == 1 else self.pll_hz()
 
     def bus_divider(self, bus: int) -> int:
         """HCLK over PCLK1 or PCLK2 (6.3.3 PPRE1, PPRE2)."""
@@ -104,6 +105,11 @@ class Rcc(Peripheral):
         """The peripheral has no clock."""
         register, bit = GATES[peripheral]
         return not self.value[register] >> bit & 1
+
+    @property
+    def hse_ready(self) -> bool:
+        """The external clock runs."""
+        return self._hse_ready
 
     # --- registers ----------------------------------------------------------------------------------
 
@@ -211,6 +217,6 @@ class Rcc(Peripheral):
         self._pll_ready = self._pll_ready and bool(self.value["CR"] & PLLON)
         if uses_hse:
             self.value["CFGR"] &= ~3
-            self.soc.clocks_changed(HSI_HZ)
+            self.soc.clocks_changed(self.soc.hsi_hz)
         self.value["CIR"] |= CSSF
         self.soc.nvic.pend(NMI)

@@ -18,13 +18,16 @@ from hil_sim.board.elf.gpio import ANALOG, Gpio
 from hil_sim.board.elf.iwdg import Iwdg
 from hil_sim.board.elf.memory import FLASH_BASE, Memory
 from hil_sim.board.elf.nvic import Nvic
+from hil_sim.board.elf.pulse_timer import PulseTimer
 from hil_sim.board.elf.pwr import Pwr
 from hil_sim.board.elf.rcc import GATES, HSI_HZ, Rcc
 from hil_sim.board.elf.registers import Peripheral
 from hil_sim.board.elf.scb import Scb
 from hil_sim.board.elf.schedule import Schedule
 from hil_sim.board.elf.signature import Signature
+from hil_sim.board.elf.spi import Spi
 from hil_sim.board.elf.systick import SysTick
+from hil_sim.board.elf.tim11 import Tim11
 from hil_sim.board.elf.timer import Timer
 from hil_sim.board.elf.usart import Usart
 
@@ -49,10 +52,15 @@ PINS = {
     "TIM5_CH1": (("A", 0, 2),),
     "TIM5_CH2": (("A", 1, 2),),
     "TIM4_CH1": (("B", 6, 2),),
+    "TIM3_CH1": (("A", 6, 2), ("B", 4, 2), ("C", 6, 2)),
     "USART2_TX": (("A", 2, 7),),
     "USART2_RX": (("A", 3, 7),),
     "CAN1_RX": (("B", 8, 9), ("A", 11, 9)),
     "CAN1_TX": (("B", 9, 9), ("A", 12, 9)),
+    "SPI2_SCK": (("B", 10, 5), ("B", 13, 5)),
+    "SPI2_MISO": (("B", 14, 5), ("C", 2, 5)),
+    "SPI2_MOSI": (("B", 15, 5), ("C", 3, 5)),
+    "TIM1_CH2": (("A", 9, 1),),
 }
 SIGNALS = list(PINS)  # in the order of their numbers in the C part
 # ADC12_IN0 to ADC12_IN15 (data sheet, pin definitions).
@@ -85,6 +93,7 @@ class Soc:
         self.uid = uid
         self.hse_present = hse_present
         self.hse_bypass = hse_bypass
+        self.hsi_hz = HSI_HZ  # of this chip; from the next reset on
         self.wired: dict[str, tuple[str, int]] = {}
         self.cpu = Cpu(memory)
         self.chip: CData = self.cpu.chip
@@ -92,7 +101,7 @@ class Soc:
         self.chip.handle = self._handle
         self.clock = self.cpu.clock
         self.schedule = Schedule(self.chip)
-        self.schedule.start(0, 0.0, HSI_HZ)
+        self.schedule.start(0, 0.0, self.hsi_hz)
         self.on_reset: Callable[[], None] = lambda: None
         self._on_exception: Callable[[int, bool], None] | None = None
         self.resets: list[str] = []
@@ -126,9 +135,13 @@ class Soc:
         self.usart2 = Usart("USART2", 0x4000_4400, self, 38)
         self.can1 = Can("CAN1", 0x4000_6400, self)
         self.iwdg = Iwdg(0x4000_3000, self)
+        self.tim11 = Tim11(0x4001_4800, self)
+        self.spi2 = Spi("SPI2", 0x4000_3800, self)
+        self.tim1 = PulseTimer("TIM1", 0x4001_0000, self)
         self.signature = Signature(SYSTEM_MEMORY, self, self.uid)
         banks: list[Peripheral] = [
             self.rcc, self.pwr, self.flash, self.adc, self.usart2, self.can1, self.iwdg,
+            self.tim11, self.spi2, self.tim1,
             *self.gpio.values(), *self.timers.values(), *self.dmas.values(),
         ]  # fmt: skip
         self._pages = {bank.base // PAGE: bank for bank in banks}
@@ -155,6 +168,10 @@ class Soc:
         self._shared_banks = [bank for bank in banks if bank.shared is not None]
         self.pins_changed()
         self.gates_changed()
+
+    def take_from_c(self, bank: Peripheral) -> None:
+        """Every access to it comes to Python first."""
+        self.chip.pages[(bank.base - BUS_BASE) // PAGE] = ffi.NULL
 
     # --- what holds the processor -------------------------------------------------------------------
 
@@ -333,7 +350,7 @@ class Soc:
         self._reset_cause = None
         self.chip.reset_requested = 0
         self.resets.append(cause)
-        self.schedule.start(self.clock.cycles, self.schedule.seconds(), HSI_HZ)
+        self.schedule.start(self.clock.cycles, self.schedule.seconds(), self.hsi_hz)
         self.clock.watch_priority = NO_WATCH
         left = self.usart2.sent, self.can1.sent  # what is on the wire no reset calls back
         self._build(cause)

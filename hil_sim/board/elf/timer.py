@@ -1,4 +1,4 @@
-"""General-purpose timers (RM0390 chapter 17, TIM2 to TIM5; chapter 18, TIM12): configuration and inputs.
+"""General-purpose timers (RM0390 chapter 17, TIM2 to TIM5; chapter 18, TIM12): configuration, inputs, output.
 
 Counting, triggers and captures are in timer.c. Inputs are edges on TI1 and TI2, or a position that the
 encoder interface follows.
@@ -8,6 +8,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, ClassVar
 
 from hil_sim.board.elf.chip import CData, ffi, lib
+from hil_sim.board.elf.compare import FORCE_LOW, FROZEN, MODE_AT, MODE_MASK, TOGGLE, CompareOutput
 from hil_sim.board.elf.registers import ALL, Peripheral, Register
 
 if TYPE_CHECKING:
@@ -39,7 +40,7 @@ DIRECTION = {
 
 
 class Timer(Peripheral):
-    """Up-counter, encoder interface, input capture, trigger in and out; no compare outputs."""
+    """Up-counter, encoder interface, capture, trigger in and out; channel 1 as an output in two modes."""
 
     REGISTERS: ClassVar[tuple[Register, ...]] = (
         Register("CR1", 0x00, "17.4.1", modelled=CEN | URS | ARPE),
@@ -54,7 +55,7 @@ class Timer(Peripheral):
         Register("CNT", 0x24, "17.4.10", modelled=ALL),
         Register("PSC", 0x28, "17.4.11", modelled=0xFFFF),
         Register("ARR", 0x2C, "17.4.12", modelled=ALL),
-        Register("CCR1", 0x34, "17.4.13"),
+        Register("CCR1", 0x34, "17.4.13", modelled=ALL),
         Register("CCR2", 0x38, "17.4.14"),
         Register("CCR3", 0x3C, "17.4.15"),
         Register("CCR4", 0x40, "17.4.16"),
@@ -69,6 +70,7 @@ class Timer(Peripheral):
         self.shared.irq = irq
         self.shared.number = getattr(lib, name)
         self._levels = {1: False, 2: False}
+        self.output = CompareOutput(self)
         self._position: Callable[[], int] | None = None
         self._listen()
 
@@ -225,10 +227,16 @@ class Timer(Peripheral):
             self._restart(0)
 
     def _write_channels(self, register: str, offset: int, value: int) -> None:
-        """Captures of the channel's own input or of TRC; outputs and crossed inputs have no model."""
-        for half in (value & 0xFF, value >> 8):
+        """Captures of the channel's own input or of TRC; crossed inputs and other outputs have no model."""
+        as_output = register == "CCMR1" and value & ~MODE_MASK == 0
+        mode = value >> MODE_AT if as_output else FROZEN
+        for half in () if as_output else (value & 0xFF, value >> 8):
             if half and half & 3 not in (1, 3):
                 raise self.unmodelled("write", register, offset, value)
+        if mode not in (FROZEN, TOGGLE, FORCE_LOW) or (mode != FROZEN and not self._free_running):
+            raise self.unmodelled("write", register, offset, value)
+        if register == "CCMR1":
+            self.output.set_mode(mode)
         self.value[register] = value
         self.shared.trc_channels = sum(
             1 << channel for channel in CHANNELS if self._capture_selection(channel) == 3
@@ -259,6 +267,12 @@ class Timer(Peripheral):
             self.shared.arr = self.value["ARR"]
             if self._free_running:
                 self._restart(now)
+
+    def write_ccr1(self, value: int) -> None:
+        """Where an output matches, at once (no OC1PE); read-only while the channel is an input (17.4.13)."""
+        if self._capture_selection(1):
+            raise self.unmodelled("write", "CCR1", 0x34, value)
+        self.output.set_match(value & self._top)
 
     def read_ccr1(self) -> int:
         """Capture of channel 1; reading clears CC1IF (17.4.5)."""

@@ -3,7 +3,7 @@
 A signal that the program takes from another pin does not arrive.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 Pin = tuple[str, int]  # port, number
 
@@ -18,6 +18,7 @@ class Wiring:
         signals: pin of each signal as `soc.PINS` names them.
         self_test, led: outputs of the board.
         encoder_faults: inputs that a healthy encoder line keeps high.
+        select: output that selects a digital accelerometer on SPI2, whose SYNC is TIM1's output; None: none.
     """
 
     hse_bypass: bool
@@ -26,6 +27,7 @@ class Wiring:
     self_test: Pin
     led: Pin
     encoder_faults: tuple[Pin, Pin]
+    select: Pin | None = None
 
 
 SHARED: dict[str, Pin] = {
@@ -44,6 +46,12 @@ NUCLEO = Wiring(
     self_test=("B", 5),
     led=("A", 5),
     encoder_faults=FAULTS,
+)
+NUCLEO_ADXL355 = replace(
+    NUCLEO,
+    signals=NUCLEO.signals
+    | {"SPI2_SCK": ("B", 13), "SPI2_MISO": ("B", 14), "SPI2_MOSI": ("B", 15), "TIM1_CH2": ("A", 9)},
+    select=("B", 12),
 )
 CUSTOM = Wiring(
     hse_bypass=False,

@@ -5,6 +5,7 @@ from pathlib import Path
 import click
 import numpy as np
 
+from impid_host.cli.design_trial import trial
 from impid_host.design.force_multisine import design_force_multisines
 from impid_host.design.interaction import Contact, modified_perturbation
 from impid_host.design.perturbation import design_perturbation
@@ -31,6 +32,9 @@ KINDS = {
 @click.group()
 def command() -> None:
     """Design an excitation and write it as CSV for the robot's controller."""
+
+
+command.add_command(trial)
 
 
 @command.command()

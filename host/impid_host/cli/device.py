@@ -13,6 +13,7 @@ from impid_host.calibration.accelerometer import AccelerometerCalibration
 from impid_host.calibration.in_place import calibrate_in_place
 from impid_host.calibration.motion import predicted_specific_force
 from impid_host.calibration.tumble import calibrate_by_angles, calibrate_by_circle
+from impid_host.cli.device_bring_up import bring_up_command
 from impid_host.cli.device_update import update
 from impid_host.cli.link_options import Command, address_of, link_options
 from impid_host.errors import InputError, LinkError
@@ -45,6 +46,7 @@ def command() -> None:
 
 
 command.add_command(update)
+command.add_command(bring_up_command)
 
 
 @contextmanager
@@ -103,8 +105,10 @@ def self_test(*, port: str | None, can: str | None, baud: int | None) -> None:
     with _board(port, can, baud) as client:
         outcome = _SELF_TEST.get(client.self_test(), "UNKNOWN")
         board = client.info()
-    x, y = (_signed(v) for v in (board.self_test_x_mv, board.self_test_y_mv))
-    click.echo(f"self-test {outcome}: response x {x} mV, y {y} mV")
+    responses = {"x": board.self_test_x_mv, "y": board.self_test_y_mv, "z": board.self_test_z_mv}
+    unit = "mV" if board.self_test_z_mv is None else "mg"  # analog sensors have two axes, digital ones three
+    told = ", ".join(f"{axis} {_signed(v)} {unit}" for axis, v in responses.items() if v is not None)
+    click.echo(f"self-test {outcome}: response {told}")
     if outcome != "PASSED":
         raise LinkError(
             f"self-test {outcome}; check the accelerometer's supply and wiring, and that it rests"

@@ -37,10 +37,17 @@ def reference_run(base: Base, study: Study) -> Run | None:
     rows = [*_payload_rows(base, weighed(study), study.setup.tolerance.payload_kg)]
     if study.setup.prior_alpha is not None:
         rows += _prior_rows(base, study.setup.prior_alpha)
-    if not rows:
-        return None
+    return _as_run(rows, base.size) if rows else None
+
+
+def payload_run(base: Base, masses: Mapping[str, float], tolerance_kg: float) -> Run:
+    """The rows that weighing these payloads (kg, by load) adds."""
+    return _as_run(_payload_rows(base, masses, tolerance_kg), base.size)
+
+
+def _as_run(rows: Sequence[tuple[int, float, float]], size: int) -> Run:
     target = np.array([value / sd for _, value, sd in rows])
-    design = np.zeros((len(rows), base.size))
+    design = np.zeros((len(rows), size))
     for k, (column, _, sd) in enumerate(rows):
         design[k, column] = 1.0 / sd
     none = np.zeros(0, dtype=np.intp)

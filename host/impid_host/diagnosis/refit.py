@@ -156,7 +156,7 @@ def _possible(chosen: Sequence[Chosen]) -> bool:
     return True
 
 
-def _with_slope(part: Chosen) -> Term:
+def with_slope(part: Chosen) -> Term:
     """A term whose columns are the slopes by each parameter that is fitted, the shape's among them."""
     if not fits_shape(part):
         return replace(part.term, shapes=(part.shape,))
@@ -177,7 +177,7 @@ def _with_slope(part: Chosen) -> Term:
 
 
 def _rows(case: Case, views: Sequence[View], chosen: Sequence[Chosen], taps: Taps) -> _Rows:
-    slots = slots_of([_with_slope(part) for part in chosen])
+    slots = slots_of([with_slope(part) for part in chosen])
     runs: list[Run] = []
     for view in views:
         if view.name in case.holdout.fit:

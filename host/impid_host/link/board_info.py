@@ -29,6 +29,11 @@ class BoardInfo:
     board_id: int | None = None
     update_slot: int | None = None
     update_pending: int | None = None
+    external_clock_hz: int | None = None
+    sensor: int | None = None
+    axes: int | None = None
+    reading_bits: int | None = None
+    self_test_z_mv: int | None = None
 
 
 def build_name(board: BoardInfo) -> str:

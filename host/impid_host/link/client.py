@@ -140,13 +140,13 @@ class BoardClient:
         Raises:
             LinkError: no answer, a refusal, or the port is gone.
         """
-        answer = self._answer(opcode, item, value, tries)
+        answer = self.answer(opcode, item, value, tries)
         if answer.result != RESULT["OK"]:
             reason = RESULT_NAME.get(answer.result, str(answer.result))
             raise LinkError(f"{self._link.name}: the board refuses {opcode} ({reason})")
         return answer
 
-    def _answer(self, opcode: str, item: int, value: int, tries: int = TRIES) -> Response:
+    def answer(self, opcode: str, item: int = 0, value: int = 0, tries: int = TRIES) -> Response:
         """The answer, whatever it says.
 
         Raises:
@@ -223,7 +223,7 @@ class BoardClient:
         always = [field.name for field in fields(BoardInfo) if field.default is MISSING]
         later = [field.name for field in fields(BoardInfo) if field.default is not MISSING]
         told = {name: self.request("INFO", ITEM[name.upper()]).value for name in always}
-        answers = {name: self._answer("INFO", ITEM[name.upper()], 0) for name in later}
+        answers = {name: self.answer("INFO", ITEM[name.upper()], 0) for name in later}
         known = {name: answer.value for name, answer in answers.items() if answer.result == RESULT["OK"]}
         return BoardInfo(**told, **known)
 
@@ -260,7 +260,7 @@ class BoardClient:
     def _read_all(self, opcode: str, names: tuple[str, ...]) -> dict[str, int]:
         found = {}
         for name in names:
-            answer = self._answer(opcode, ITEM[name], 0)
+            answer = self.answer(opcode, ITEM[name], 0)
             if answer.result == RESULT["UNKNOWN_OPCODE"]:
                 break
             if answer.result == RESULT["OK"]:
@@ -358,6 +358,10 @@ class BoardClient:
                 return outcome
             self.pump(TIMEOUT_S / 4)
         raise LinkError(f"{self._link.name}: the self-test does not end; reset the board")
+
+    def tell(self, opcode: str, item: int = 0, value: int = 0) -> None:
+        """Send a command once, of which no answer is expected: it resets the board."""
+        self._send(self._link.carrier.encode_command(self._next_id(), OPCODE[opcode], item, value))
 
     def _next_id(self) -> int:
         self._request_id = (self._request_id + 1) % (1 << 16)

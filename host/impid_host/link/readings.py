@@ -14,7 +14,9 @@ from impid_host.wire.messages import SAMPLE_PERIOD_US
 from impid_host.wire.records import Decoded
 
 # A hand that shakes or a board that swings shows far above the accelerometer's own noise of about 1 mg rms.
+# In codes of 16 bits, and in codes of 24.
 _RESTLESS_CODES = 400.0
+_RESTLESS_CODES_WIDE = 256 * _RESTLESS_CODES
 _PATIENCE_S = 2.0
 
 
@@ -22,6 +24,7 @@ class _Codes:
     def __init__(self) -> None:
         self.parts: list[NDArray[np.float64]] = []
         self.saturated = False
+        self.wide = False
 
     @property
     def count(self) -> int:
@@ -31,6 +34,7 @@ class _Codes:
         for segment in decoded.segments:
             s = segment.samples
             self.parts.append(np.column_stack([s.ax, s.ay]).astype(np.float64))
+            self.wide |= s.az is not None
             self.saturated |= bool((s.flags & FLAG_SATURATED).any())
 
     def sent(self, chunk: Chunk) -> None: ...
@@ -61,7 +65,7 @@ def mean_codes(client: BoardClient, seconds: float) -> NDArray[np.float64]:
             f"{client.name}: the reading is at a rail; check the accelerometer's supply and wiring"
         )
     readings = np.concatenate(codes.parts)
-    if readings.std(axis=0).max() > _RESTLESS_CODES:
+    if readings.std(axis=0).max() > (_RESTLESS_CODES_WIDE if codes.wide else _RESTLESS_CODES):
         raise LinkError(f"{client.name}: the board is not at rest; put it down firmly and repeat")
     mean: NDArray[np.float64] = readings.mean(axis=0)
     return mean

@@ -63,8 +63,9 @@ SAMPLES = Topic(
     _integers("boot_id", "run", "index")
     | {
         "t_us": {"type": "integer", "description": "us since the board's boot, group delay taken off"},
-        "ax": {"type": "integer", "description": "ADC code"},
-        "ay": {"type": "integer", "description": "ADC code"},
+        "ax": {"type": "integer", "description": "code of the accelerometer, 16 or 24 bits"},
+        "ay": {"type": "integer", "description": "code of the accelerometer, 16 or 24 bits"},
+        "az": {"type": "integer", "description": "the same of a third axis, where the sensor has one"},
         "enc1": {"type": "integer", "description": "counter"},
         "enc2": {"type": "integer", "description": "counter"},
         "flags": {

@@ -103,9 +103,12 @@ class RecordingWriter:
         channel = self._channel[channels.SAMPLES.name]
         head = f'{{"boot_id":{segment.boot_id},"run":{segment.run},"index":'
         columns = (segment.index, s.t_us, s.ax, s.ay, s.enc1, s.enc2, s.flags)
-        for index, t_us, ax, ay, enc1, enc2, flags in zip(*(c.tolist() for c in columns), strict=True):
+        third = [""] * len(s) if s.az is None else [f'"az":{az},' for az in s.az.tolist()]
+        for index, t_us, ax, ay, enc1, enc2, flags, az in zip(
+            *(c.tolist() for c in columns), third, strict=True
+        ):
             text = (
-                f'{head}{index},"t_us":{t_us},"ax":{ax},"ay":{ay},'
+                f'{head}{index},"t_us":{t_us},"ax":{ax},"ay":{ay},{az}'
                 f'"enc1":{enc1},"enc2":{enc2},"flags":{flags}}}'
             )
             at = anchor_ns + round((t_us - anchor_us) * ns_per_us)

@@ -23,6 +23,8 @@ _TYPES: dict[str, np.dtype[Any]] = {
     "enc2": np.dtype(np.int32),
     "flags": np.dtype(np.uint8),
 }
+# Codes of 24 bits and the third axis of a sensor that has one.
+_WIDE_TYPES = _TYPES | {name: np.dtype(np.uint32) for name in ("ax", "ay", "az")}
 _FLOAT = np.dtype(np.float64)
 _ACCELERATION = ("acc_x", "acc_y")
 _SHORTEST_JUMP_S = 0.1
@@ -48,8 +50,9 @@ def read_device_samples(path: Path) -> ModuleSamples:
     if all(name in header for name in _ACCELERATION) or ("ax" in header and not counted):
         samples, table = _foreign(path, header)
     else:
-        table = read_columns(path, _TYPES, header=header)
-        samples = DeviceSamples(**{name: table.columns[name] for name in _TYPES})
+        types = _WIDE_TYPES if "az" in header else _TYPES
+        table = read_columns(path, types, header=header)
+        samples = DeviceSamples(**{name: table.columns[name] for name in types})
     if "seq" in header:
         _refuse_jump(samples, table)
     samples = _longest_stretch(_on_own_clock(samples, path), table)
@@ -160,7 +163,8 @@ def _report_losses(samples: ModuleSamples, path: Path) -> None:
 def write_device_samples(samples: ModuleSamples, path: Path) -> None:
     """Write `device.csv`; reading it back gives the same numbers."""
     if isinstance(samples, DeviceSamples):
-        columns = {name: getattr(samples, name).astype(dtype, copy=False) for name, dtype in _TYPES.items()}
+        types = _TYPES if samples.az is None else _WIDE_TYPES
+        columns = {name: getattr(samples, name).astype(dtype, copy=False) for name, dtype in types.items()}
     else:
         columns = _foreign_columns(samples)
     write_columns(path, columns)

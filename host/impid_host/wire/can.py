@@ -1,9 +1,10 @@
 """CAN frames to samples, statuses and answers: the same records as from the serial line.
 
 A sample is an ACCEL and an ENCODER frame; each carries low bits of the sample index, so a lost half is seen
-and never paired with a neighbour. The instant comes from the latest TIME and EPOCH pair, which the board
-sends just before the sample that it dates. After a START or a reset nothing is dated until the next pair: a
-sample without a date is not used, because a guess could splice two boots.
+and never paired with a neighbour. Of a wide sensor an ACCEL_FINE comes before them; a sample that lacks its
+own is none. The instant comes from the latest TIME and EPOCH pair, which the board sends just before the
+sample that it dates. After a START or a reset nothing is dated until the next pair: a sample without a date
+is not used, because a guess could splice two boots.
 
 The bus carries no time of sending for statuses and answers; theirs is that of the latest sample.
 """
@@ -14,13 +15,15 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from impid_host.samples import FLAG_RESET, rows_of
+from impid_host.samples import FLAG_RESET
 from impid_host.wire.decoder import LinkCounts, device_samples, scalars
 from impid_host.wire.messages import (
     ACCEL,
+    ACCEL_FINE,
     ENCODER,
     EPOCH,
     FIRST_STATUSES,
+    FLAG_FINE,
     OPCODE,
     PONG,
     PROTOCOL_VERSION,
@@ -38,6 +41,7 @@ _MASK32 = 0xFFFFFFFF
 _STATUS_ALWAYS = {layout.frame_id for layout in STATUS[:FIRST_STATUSES]}
 _STATUS_LAST = max(_STATUS_ALWAYS)
 _UNDATED = -1
+_DATA = (ACCEL.frame_id, ENCODER.frame_id, ACCEL_FINE.frame_id)
 _BEHIND_ALL = 1 << 62
 # The index bits of a second half repeat after 256 ms: what lies further apart needs a witness, whose own bits
 # repeat after 65 s.
@@ -57,10 +61,10 @@ class _Date:
 
 @dataclass(frozen=True, slots=True)
 class _Halves:
-    """Paired frames: the words of N samples, and where in the piece the first of each pair stood."""
+    """Frames of N samples: ACCEL, ENCODER and ACCEL_FINE (0: it has none), shape (N, 3), and where in the
+    piece the ACCEL of each stood."""
 
-    accel: Words
-    encoder: Words
+    words: Words
     position: NDArray[np.intp]
 
 
@@ -97,6 +101,7 @@ class CanDecoder:
     _undated: int = 0
     _waiting: Words = field(default_factory=lambda: np.zeros(0, np.uint64))  # a first half, or a late pair
     _waiting_ns: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))  # their arrival
+    _fine: Words = field(default_factory=lambda: np.zeros(0, np.uint64))  # the last ones, of those that wait
     _time: dict[str, int] | None = None  # a TIME that waits for its EPOCH
     _date: _Date | None = None
     _date_used: bool = False
@@ -123,7 +128,7 @@ class CanDecoder:
         """
         arrival_ns = np.zeros(len(words), np.int64) if arrival_ns is None else arrival_ns
         halves = self._pair(identifiers, words, arrival_ns)
-        is_data = (identifiers == ACCEL.frame_id) | (identifiers == ENCODER.frame_id)
+        is_data = np.isin(identifiers, _DATA)
         dates: list[_Date | None] = [self._date and _Date(-1, *astuple(self._date)[1:])]
         breaks: list[int] = []
         starts: list[tuple[int, int]] = []
@@ -161,9 +166,32 @@ class CanDecoder:
         pair = pair[~late | ((apart_ns < _STALL_NS) & _followed(pair, word, first))]
         keep = 2 if unwitnessed else int(len(word) > 0 and bool(first[-1]))
         self._waiting, self._waiting_ns = word[len(word) - keep :], came_ns[len(word) - keep :]
-        self._good += 2 * len(pair)
+        fine, asked, found = self._fine_of(identifiers, words, word[pair], position[pair])
+        whole = ~asked | found
+        pair, fine = pair[whole], fine[whole]
+        self._good += 2 * len(pair) + int(np.count_nonzero(found))
         self._unpaired += len(word) - keep - 2 * len(pair)
-        return _Halves(word[pair], word[pair + 1], position[pair])
+        return _Halves(np.column_stack([word[pair], word[pair + 1], fine]), position[pair])
+
+    def _fine_of(
+        self, identifiers: NDArray[np.uint16], words: Words, accel: Words, position: NDArray[np.intp]
+    ) -> tuple[Words, NDArray[np.bool_], NDArray[np.bool_]]:
+        """The ACCEL_FINE of each ACCEL (else 0), which of them ask for one, and for which it was there."""
+        at = np.flatnonzero(identifiers == ACCEL_FINE.frame_id)
+        fine = np.concatenate([self._fine, words[at].astype(np.uint64)])
+        place = np.concatenate([np.full(len(self._fine), -1, dtype=np.intp), at])
+        self._fine = fine[max(len(fine) - 2, 0) :]
+        signals = ACCEL.unpack(accel)
+        asked = (signals["flags"] & np.uint64(FLAG_FINE)) != 0
+        # The latest before the ACCEL; of a pair that waited, the next sample's may have come since.
+        latest = np.searchsorted(place, position, side="right") + 1
+        fine = np.concatenate([np.zeros(2, np.uint64), fine])
+        low16 = ACCEL_FINE.unpack(fine)["index_low16"].astype(np.int64)
+        low16[:2] = -1
+        wanted = signals["index_low16"].astype(np.int64)
+        chosen = np.where(low16[latest] == wanted, latest, latest - 1)
+        found = asked & (low16[chosen] == wanted)
+        return np.where(found, fine[chosen], np.uint64(0)), asked, found
 
     def _epoch(self, at: int, epoch: dict[str, int]) -> list[_Date]:
         time, self._time = self._time, None
@@ -180,7 +208,7 @@ class CanDecoder:
     def _place(
         self, halves: _Halves, dates: list[_Date], breaks: list[int], starts: list[tuple[int, int]]
     ) -> tuple[list[Segment], list[Loss | NewRun]]:
-        accel, encoder = ACCEL.unpack(halves.accel), ENCODER.unpack(halves.encoder)
+        accel = ACCEL.unpack(halves.words[:, 0])
         which = _date_of(halves.position, dates, breaks)
         _forget_at_resets(which, accel["flags"].astype(np.uint8), dates, used=self._date_used)
         if len(which) or len(dates) > 1:
@@ -195,27 +223,22 @@ class CanDecoder:
         if not len(dated):
             return [], []
         which = which[dated]
-        accel = {name: values[dated] for name, values in accel.items()}
-        encoder = {name: values[dated] for name, values in encoder.items()}
+        words, low16 = halves.words[dated], accel["index_low16"][dated]
         base = np.array([d.index for d in dates], dtype=np.int64)[which]
         # The nearest index with these low bits: a first half may have come just before its date.
-        since = (accel["index_low16"].astype(np.int64) - base + 0x8000) % 0x10000 - 0x8000
+        since = (low16.astype(np.int64) - base + 0x8000) % 0x10000 - 0x8000
         index = ((base + since) & _MASK32).astype(np.uint64)
         dated_us = np.array([d.t_us for d in dates], dtype=np.int64)[which]
         t_us = (dated_us + since * SAMPLE_PERIOD_US).astype(np.uint64)
         boot = np.array([d.boot_id for d in dates], dtype=np.uint16)[which]
         ones = np.ones(len(index), dtype=np.uint8)
         spans, events = self._tracker.place(Groups(boot, index.astype(np.uint32), t_us, ones))
-        samples = device_samples(t_us, index, accel, encoder)
-        segments = [
-            Segment(
-                span.boot_id,
-                span.run,
-                np.uint64(span.first_index) + np.arange(span.stop - span.start, dtype=np.uint64),
-                rows_of(samples, slice(span.start, span.stop)),
-            )
-            for span in spans
-        ]
+        segments = []
+        for span in spans:
+            rows = slice(span.start, span.stop)
+            numbered = np.uint64(span.first_index) + np.arange(span.stop - span.start, dtype=np.uint64)
+            samples = device_samples(t_us[rows], index[rows], words[rows])
+            segments.append(Segment(span.boot_id, span.run, numbered, samples))
         self._samples_of_piece = _Placed(halves.position[dated], boot, t_us, index, self._last)
         self._last = self._samples_of_piece.latest(_BEHIND_ALL)
         began = {span.run: int(halves.position[dated][span.start]) for span in reversed(spans)}

@@ -6,16 +6,20 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from impid_host.samples import DeviceSamples, rows_of
+from impid_host.samples import DeviceSamples
 from impid_host.wire.deframer import Deframer, FrameCounts, Frames
 from impid_host.wire.messages import (
     ACCEL,
+    ACCEL_FINE,
     ENCODER,
+    FLAG_FINE,
     KIND,
     PONG,
+    RECORD_BYTES,
     RESPONSE,
     SAMPLE_PERIOD_US,
     STATUS,
+    WORD_BYTES,
     MessageLayout,
     Words,
 )
@@ -23,6 +27,7 @@ from impid_host.wire.records import BoardStatus, Decoded, Pong, Response, Segmen
 from impid_host.wire.tracker import Groups, SampleCounts, Tracker
 
 _SEQ_MODULUS = 1 << 16
+_SAMPLES = (KIND["SAMPLES"], KIND["SAMPLES_WIDE"])
 _LOW32 = 1 << 32
 
 
@@ -80,12 +85,13 @@ class SerialDecoder:
             return Decoded()
         self._count_lost_frames(frames)
         kinds = frames.headers["kind"]
-        batch = np.flatnonzero(kinds == KIND["SAMPLES"])
+        is_batch = np.isin(kinds, _SAMPLES)
+        batch = np.flatnonzero(is_batch)
         segments, events = self._samples(frames.headers[batch], [frames.records[i] for i in batch.tolist()])
         statuses: list[BoardStatus] = []
         responses: list[Response] = []
         pongs: list[Pong] = []
-        for i in np.flatnonzero(kinds != KIND["SAMPLES"]).tolist():
+        for i in np.flatnonzero(~is_batch).tolist():
             kind, header, words = (
                 int(kinds[i]),
                 frames.headers[i],
@@ -112,7 +118,7 @@ class SerialDecoder:
             self._last_frame = (boot_id, seq)
 
     def _samples(self, headers: NDArray[Any], records: list[bytes]) -> tuple[list[Segment], list[Any]]:
-        words = np.frombuffer(b"".join(records), dtype="<u8").reshape(-1, 2)
+        words = _words(headers["kind"], records)
         accel, encoder = ACCEL.unpack(words[:, 0]), ENCODER.unpack(words[:, 1])
         count = headers["count"].astype(np.int64)
         ends = np.cumsum(count)
@@ -130,13 +136,13 @@ class SerialDecoder:
         t_us = np.repeat(headers["t0_us"].astype(np.uint64), count) + within.astype(np.uint64) * np.uint64(
             SAMPLE_PERIOD_US
         )
-        samples = device_samples(t_us, low32, accel, encoder)
         starts = np.append(ends - count, len(words))
         segments = []
         for span in spans:
             rows = slice(int(starts[span.start]), int(starts[span.stop]))
             index = np.uint64(span.first_index) + np.arange(rows.stop - rows.start, dtype=np.uint64)
-            segments.append(Segment(span.boot_id, span.run, index, rows_of(samples, rows)))
+            samples = device_samples(t_us[rows], low32[rows], words[rows])
+            segments.append(Segment(span.boot_id, span.run, index, samples))
         return segments, events
 
 
@@ -148,19 +154,34 @@ def _contradicts(low32: Words, accel: dict[str, Words], encoder: dict[str, Words
     return wrong
 
 
-def device_samples(
-    t_us: Words, index: Words, accel: dict[str, Words], encoder: dict[str, Words]
-) -> DeviceSamples:
-    """Samples from the unpacked signals of ACCEL and ENCODER, all arrays of shape (N,)."""
-    return DeviceSamples(
-        t_us=t_us,
-        seq=index.astype(np.uint32),
-        ax=accel["ax"].astype(np.uint16),
-        ay=accel["ay"].astype(np.uint16),
-        enc1=_counter(accel["enc1_high4"], encoder["enc1_low28"]),
-        enc2=_counter(accel["enc2_high4"], encoder["enc2_low28"]),
-        flags=accel["flags"].astype(np.uint8),
-    )
+def _words(kinds: NDArray[np.uint8], records: list[bytes]) -> Words:
+    """ACCEL, ENCODER and, where one of the frames has it (else without a column), ACCEL_FINE: (N, 2 or 3)."""
+    if not (kinds == KIND["SAMPLES_WIDE"]).any():
+        return np.frombuffer(b"".join(records), dtype="<u8").reshape(-1, 2)
+    rows = []
+    for kind, record in zip(kinds.tolist(), records, strict=True):
+        columns = RECORD_BYTES[kind][0] // WORD_BYTES
+        part = np.frombuffer(record, dtype="<u8").reshape(-1, columns)
+        rows.append(np.pad(part, ((0, 0), (0, 3 - columns))))
+    return np.concatenate(rows)
+
+
+def device_samples(t_us: Words, index: Words, words: Words) -> DeviceSamples:
+    """Samples of one run: times and indices (N,), and ACCEL, ENCODER and perhaps ACCEL_FINE (N, 2 or 3)."""
+    accel, encoder = ACCEL.unpack(words[:, 0]), ENCODER.unpack(words[:, 1])
+    enc1, enc2 = (_counter(accel[f"enc{n}_high4"], encoder[f"enc{n}_low28"]) for n in (1, 2))
+    flags = (accel["flags"] & np.uint64(0xFF ^ FLAG_FINE)).astype(np.uint8)
+    seq = index.astype(np.uint32)
+    if not len(words) or not int(accel["flags"][0]) & FLAG_FINE:
+        ax, ay = accel["ax"].astype(np.uint16), accel["ay"].astype(np.uint16)
+        return DeviceSamples(t_us, seq, ax, ay, enc1, enc2, flags)
+    fine = ACCEL_FINE.unpack(words[:, 2])
+
+    def code(high16: Words, axis: str) -> NDArray[np.uint32]:
+        return ((high16 << np.uint64(8)) | fine[f"a{axis}_low8"]).astype(np.uint32)
+
+    x, y, z = code(accel["ax"], "x"), code(accel["ay"], "y"), code(fine["az_high16"], "z")
+    return DeviceSamples(t_us, seq, x, y, enc1, enc2, flags, z)
 
 
 def _counter(high4: Words, low28: Words) -> NDArray[np.int32]:

@@ -112,6 +112,7 @@ RESPONSE = MessageLayout.of("RESPONSE")
 PONG = MessageLayout.of("PONG")
 ACCEL = MessageLayout.of("ACCEL")
 ENCODER = MessageLayout.of("ENCODER")
+ACCEL_FINE = MessageLayout.of("ACCEL_FINE")
 TIME = MessageLayout.of("TIME")
 EPOCH = MessageLayout.of("EPOCH")
 # In the order of a record. On CAN STATUS_BUS closes the set, as before there were messages behind it.
@@ -127,11 +128,14 @@ RESULT = choices("RESPONSE", "result")
 RESULT_NAME = {number: name for name, number in RESULT.items()}
 KIND = choices("BATCH", "kind")
 
+# Sample flag on the wire: ACCEL_FINE belongs to this sample.
+FLAG_FINE = 1 << 5
 # The status messages of the first message set; a board of that time sends no others.
 FIRST_STATUSES = 7
 # Sizes of one record by kind, the present one first: a longer record has messages added at its end.
 RECORD_BYTES = {
     KIND["SAMPLES"]: (2 * WORD_BYTES,),
+    KIND["SAMPLES_WIDE"]: (3 * WORD_BYTES,),
     KIND["STATUS"]: (len(STATUS) * WORD_BYTES, FIRST_STATUSES * WORD_BYTES),
     KIND["RESPONSE"]: (WORD_BYTES,),
     KIND["PONG"]: (WORD_BYTES,),

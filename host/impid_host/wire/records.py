@@ -127,10 +127,9 @@ class Decoded:
 
 
 def join_samples(parts: list[DeviceSamples]) -> DeviceSamples:
-    """Parts one after the other; at least one."""
-    return DeviceSamples(
-        **{f.name: np.concatenate([getattr(part, f.name) for part in parts]) for f in fields(DeviceSamples)}
-    )
+    """Parts of one sensor one after the other; at least one."""
+    there = [f.name for f in fields(DeviceSamples) if getattr(parts[0], f.name) is not None]
+    return DeviceSamples(**{name: np.concatenate([getattr(part, name) for part in parts]) for name in there})
 
 
 def join_segments(pieces: list[Segment]) -> tuple[Segment, ...]:

@@ -23,6 +23,18 @@ static void test_crc_published_values(void) {
     TEST_ASSERT_EQUAL_HEX32(0xFF6CAB0Bu, impid_crc32(bytes, sizeof bytes));
 }
 
+/* Every entry of the table against the division that it stands for. */
+static void test_crc_of_every_byte(void) {
+    for (uint32_t n = 0; n < 256u; n++) {
+        uint32_t crc = UINT32_MAX ^ n;
+        for (uint32_t bit = 0; bit < 8u; bit++) {
+            crc = (crc >> 1) ^ ((crc & 1u) != 0u ? 0xEDB88320u : 0u);
+        }
+        uint8_t byte = (uint8_t)n;
+        TEST_ASSERT_EQUAL_HEX32(~crc, impid_crc32(&byte, 1));
+    }
+}
+
 static void check_cobs(const uint8_t *plain, size_t count, const uint8_t *coded, size_t coded_count) {
     uint8_t encoded[300];
     TEST_ASSERT_EQUAL_UINT(coded_count, impid_cobs_encode(plain, count, encoded));
@@ -86,6 +98,7 @@ static void test_cobs_refuses_what_is_no_code(void) {
 int main(void) {
     UNITY_BEGIN();
     RUN_TEST(test_crc_published_values);
+    RUN_TEST(test_crc_of_every_byte);
     RUN_TEST(test_cobs_published_examples);
     RUN_TEST(test_cobs_block_boundaries);
     RUN_TEST(test_cobs_refuses_what_is_no_code);

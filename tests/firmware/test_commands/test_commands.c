@@ -29,6 +29,7 @@ void setUp(void) {
                                         .boot_id = 0xABCD,
                                         .reset_cause = 4,
                                         .clock_source = 1,
+                                        .external_clock_hz = 8000321,
                                         .first_index = 50,
                                         .boot_us = 0};
     fake_port_init(&fake);
@@ -58,8 +59,9 @@ static void check_answer(uint8_t opcode, uint8_t result, uint32_t value) {
 }
 
 static void test_every_info_item(void) {
-    const uint32_t values[] = {1, 0x000200, 0x11, 0x22, 0x33,    0xABCD, 1000, 2006, 65536, 3300, 10, 8,
-                               4, 1,        0,    0,    7654321, 3,      0,    0,    0,     2,    0};
+    const uint32_t values[] = {1,       0x000200, 0x11, 0x22, 0x33, 0xABCD, 1000, 2006,
+                               65536,   3300,     10,   8,    4,    1,      0,    0,
+                               7654321, 3,        0,    0,    0,    2,      0,    8000321};
     for (uint8_t item = 0; item < sizeof values / sizeof values[0]; item++) {
         ask(INFO, item, 0);
         check_answer(INFO, OK, values[item]);

@@ -3,6 +3,8 @@
 #include <math.h>
 #include <unity.h>
 
+#define RAIL 4095u /* 12 bits */
+
 void setUp(void) {
 }
 
@@ -15,13 +17,13 @@ static impid_decimator_output_t settled(uint16_t code) {
     impid_decimator_t decimator;
     impid_decimator_init(&decimator);
     for (uint32_t i = 0; i < IMPID_DECIMATOR_TAPS; i++) {
-        impid_decimator_push(&decimator, code);
+        impid_decimator_push(&decimator, code, RAIL);
     }
-    return impid_decimator_output(&decimator);
+    return impid_decimator_output(&decimator, 12);
 }
 
 static void test_constant_input_gives_sixteen_times_the_code(void) {
-    for (uint16_t code = 0; code <= IMPID_ADC_MAX; code++) {
+    for (uint16_t code = 0; code <= RAIL; code++) {
         TEST_ASSERT_EQUAL_UINT16(16u * code, settled(code).code);
     }
 }
@@ -31,13 +33,13 @@ static int32_t impulse_response(uint32_t lag) {
     impid_decimator_t decimator;
     impid_decimator_init(&decimator);
     for (uint32_t i = 0; i < 64u; i++) {
-        impid_decimator_push(&decimator, 2000);
+        impid_decimator_push(&decimator, 2000, RAIL);
     }
-    impid_decimator_push(&decimator, 4000);
+    impid_decimator_push(&decimator, 4000, RAIL);
     for (uint32_t i = 0; i < lag; i++) {
-        impid_decimator_push(&decimator, 2000);
+        impid_decimator_push(&decimator, 2000, RAIL);
     }
-    return (int32_t)impid_decimator_output(&decimator).code - 32000;
+    return (int32_t)impid_decimator_output(&decimator, 12).code - 32000;
 }
 
 static void test_impulse_response_is_symmetric_and_28_long(void) {
@@ -59,9 +61,9 @@ static void tone(double hertz, double *gain, double *delay_us) {
     const uint32_t count = 8000;
     for (uint32_t n = 0; n < count + 80u; n++) {
         double phase = 2 * pi * hertz * n / 8000.0;
-        impid_decimator_push(&decimator, (uint16_t)lround(2048 + 1500 * sin(phase)));
+        impid_decimator_push(&decimator, (uint16_t)lround(2048 + 1500 * sin(phase)), RAIL);
         if (n >= 80u) {
-            double out = impid_decimator_output(&decimator).code / 16.0 - 2048;
+            double out = impid_decimator_output(&decimator, 12).code / 16.0 - 2048;
             in_phase += out * sin(phase) * 2 / count;
             quadrature += out * cos(phase) * 2 / count;
         }
@@ -107,20 +109,20 @@ static void test_what_would_alias_into_the_motion_is_stopped(void) {
 }
 
 static void test_rails_are_flagged_for_as_long_as_they_matter(void) {
-    const uint16_t rails[] = {0, IMPID_ADC_MAX};
+    const uint16_t rails[] = {0, RAIL};
     for (uint32_t r = 0; r < 2u; r++) {
         impid_decimator_t decimator;
         impid_decimator_init(&decimator);
-        impid_decimator_push(&decimator, rails[r]);
+        impid_decimator_push(&decimator, rails[r], RAIL);
         for (uint32_t i = 1; i < IMPID_DECIMATOR_TAPS; i++) {
-            TEST_ASSERT_TRUE(impid_decimator_output(&decimator).saturated);
+            TEST_ASSERT_TRUE(impid_decimator_output(&decimator, 12).saturated);
             TEST_ASSERT_FALSE(impid_decimator_ready(&decimator));
-            impid_decimator_push(&decimator, 2048);
+            impid_decimator_push(&decimator, 2048, RAIL);
         }
         TEST_ASSERT_TRUE(impid_decimator_ready(&decimator));
-        TEST_ASSERT_TRUE(impid_decimator_output(&decimator).saturated);
-        impid_decimator_push(&decimator, 2048);
-        TEST_ASSERT_FALSE(impid_decimator_output(&decimator).saturated);
+        TEST_ASSERT_TRUE(impid_decimator_output(&decimator, 12).saturated);
+        impid_decimator_push(&decimator, 2048, RAIL);
+        TEST_ASSERT_FALSE(impid_decimator_output(&decimator, 12).saturated);
     }
 }
 
@@ -129,13 +131,13 @@ static void test_overshoot_is_clipped_and_flagged(void) {
     impid_decimator_t decimator;
     impid_decimator_init(&decimator);
     for (uint32_t i = 0; i < 64u; i++) {
-        impid_decimator_push(&decimator, 1);
+        impid_decimator_push(&decimator, 1, RAIL);
     }
     uint32_t low = 0;
     uint32_t high = 0;
     for (uint32_t i = 0; i < 64u; i++) {
-        impid_decimator_push(&decimator, IMPID_ADC_MAX - 1u);
-        impid_decimator_output_t output = impid_decimator_output(&decimator);
+        impid_decimator_push(&decimator, RAIL - 1u, RAIL);
+        impid_decimator_output_t output = impid_decimator_output(&decimator, 12);
         TEST_ASSERT_EQUAL(output.code == 0u || output.code == UINT16_MAX, output.saturated);
         low += output.code == 0u;
         high += output.code == UINT16_MAX;

@@ -19,7 +19,7 @@ static void tick(uint16_t x, uint8_t flags) {
 }
 
 void setUp(void) {
-    impid_sampler_init(&sampler);
+    impid_sampler_init(&sampler, &impid_adxl203);
     tick_number = 0;
 }
 
@@ -154,7 +154,7 @@ static void test_a_rail_on_either_axis_flags_the_sample(void) {
 static void test_late_and_saturated_are_counted(void) {
     impid_sampler_start(&sampler, 0);
     for (uint32_t i = 0; i < 30u; i++) {
-        tick(i == 10u ? IMPID_ADC_MAX : 1000, i == 20u ? IMPID_FLAG_LATE : 0u);
+        tick(i == 10u ? 4095u : 1000, i == 20u ? IMPID_FLAG_LATE : 0u);
     }
     /* Conversions 80..87 at the rail touch the windows that end at 87, 95, 103 and 111. */
     TEST_ASSERT_EQUAL_UINT32(4, sampler.saturated);

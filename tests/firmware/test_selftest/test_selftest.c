@@ -67,7 +67,7 @@ static void test_limits_and_response_go_with_the_supply_of_the_moment(void) {
      * refuses. */
     fake.supply_mV = 3600;
     TEST_ASSERT_EQUAL_UINT8(IMPID_MESSAGES_STATUS_HEALTH_SELF_TEST_PASSED_CHOICE, verdict(330, 330));
-    TEST_ASSERT_INT32_WITHIN(1, 360, core.selftest.response_mV[0]);
+    TEST_ASSERT_INT32_WITHIN(1, 360, core.selftest.response_m[0]);
 }
 
 static void test_a_dead_sensor(void) {
@@ -91,7 +91,7 @@ static void test_nothing_of_it_reaches_a_stream_or_its_counters(void) {
 
 static void test_samples_outside_a_self_test_are_none_of_its_business(void) {
     impid_selftest_t idle;
-    impid_selftest_init(&idle);
+    impid_selftest_init(&idle, &impid_adxl203);
     impid_sample_t sample = {.accel = {65535, 65535}};
     for (uint32_t i = 0; i < 1000u; i++) {
         TEST_ASSERT_FALSE(impid_selftest_sample(&idle, &sample, &fake.port));

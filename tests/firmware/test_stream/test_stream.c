@@ -11,7 +11,7 @@ static impid_link_t links[IMPID_CARRIERS];
 void setUp(void) {
     fake_port_init(&fake);
     memset(links, 0, sizeof links);
-    impid_stream_init(&stream, 99, 100);
+    impid_stream_init(&stream, 99, 100, false);
     impid_stream_begin(&stream, 100);
 }
 

@@ -10,7 +10,7 @@ Columns = dict[str, NDArray[np.generic]]
 
 
 def sample_columns(recording: Recording) -> Columns:
-    """Columns boot_id, run, index, t_us, ax, ay, enc1, enc2, flags, each of shape (N,).
+    """Columns boot_id, run, index, t_us, ax, ay (az where there is one), enc1, enc2, flags, each (N,).
 
     Rows of different runs share no clock: t_us begins anew with each boot.
 
@@ -27,7 +27,8 @@ def sample_columns(recording: Recording) -> Columns:
         "run": np.concatenate([np.full(len(s), s.run, dtype=np.uint16) for s in segments]),
         "index": np.concatenate([s.index for s in segments]),
     }
-    for name in ("t_us", "ax", "ay", "enc1", "enc2", "flags"):
+    third = ("az",) if all(s.samples.az is not None for s in segments) else ()
+    for name in ("t_us", "ax", "ay", *third, "enc1", "enc2", "flags"):
         columns[name] = np.concatenate([getattr(s.samples, name) for s in segments])
     return columns
 

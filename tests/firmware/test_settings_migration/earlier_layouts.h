@@ -1,7 +1,7 @@
 /* What earlier firmware left in its flash, in sectors of 150 words up to their last word that is not erased:
  * written by that firmware's own code in so many boots, after the third of which the values of
- * test_settings.c were set and saved. The last save went to the next sector, so the full one before it waits
- * for its erase. */
+ * test_settings_migration.c were set and saved. The last save went to the next sector, so the full one before
+ * it waits for its erase. */
 #ifndef EARLIER_LAYOUTS_H
 #define EARLIER_LAYOUTS_H
 
