@@ -23,7 +23,6 @@ PAGES = {
     "firmware/boards/nucleo_f446re/README.md": "nucleo_f446re.md",
 }
 _LINK = re.compile(r"(!?)\[([^\]\n]*)\]\(([^)\s]+)\)")
-_FETCHED = "https://unpkg.com/iframe-worker/shim"
 _FENCE = re.compile(r"^(```.*?^```)", re.MULTILINE | re.DOTALL)
 
 
@@ -48,17 +47,6 @@ def on_page_markdown(markdown: str, page: Any, **_rest: Any) -> str:
     source = next((file for file, made in PAGES.items() if made == name), f"docs/{name}")
     parts = _FENCE.split(markdown)
     return "".join(part if part.startswith("```") else relinked(part, source, name) for part in parts)
-
-
-def on_post_page(output: str, page: Any, **_rest: Any) -> str:
-    """The one script that the theme would fetch comes from docs/js/."""
-    here = Path(page.file.src_uri).parent
-    return output.replace(_FETCHED, Path(os.path.relpath("js/iframe-worker.js", here)).as_posix())
-
-
-def on_post_template(output_content: str, **_rest: Any) -> str:
-    """As for pages; the page of errors stands at the top."""
-    return output_content.replace(_FETCHED, "js/iframe-worker.js")
 
 
 def relinked(text: str, source: str, page: str) -> str:
