@@ -48,7 +48,7 @@ def test_the_effect_is_the_one_it_copies() -> None:
 
 def test_the_accelerometer_is_read(tmp_path: Path) -> None:
     assert tomllib.loads(block("toml"))["accelerometer"]["part"] == "ADXL335"
-    robot = 'format = 1\n[robot]\nmodel = "planar-2r-absolute"\nlink_lengths_m = [0.254, 0.2667]\n'
+    robot = 'format = "impid-study/1"\n[robot]\nmodel = "planar-2r-absolute"\nlink_lengths_m = [0.254, 0.2667]\n'
     (tmp_path / "setup.toml").write_text(robot + block("toml"))
     read = read_setup(tmp_path / "setup.toml").accelerometer
     assert read is not None
