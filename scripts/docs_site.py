@@ -21,6 +21,7 @@ PAGES = {
     "CHANGELOG.md": "changelog.md",
     "firmware/README.md": "firmware.md",
     "firmware/boards/nucleo_f446re/README.md": "nucleo_f446re.md",
+    "firmware/boards/stm32g474/README.md": "stm32g474.md",
 }
 _LINK = re.compile(r"(!?)\[([^\]\n]*)\]\(([^)\s]+)\)")
 _FENCE = re.compile(r"^(```.*?^```)", re.MULTILINE | re.DOTALL)

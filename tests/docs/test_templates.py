@@ -48,8 +48,9 @@ def test_the_effect_is_the_one_it_copies() -> None:
 
 def test_the_accelerometer_is_read(tmp_path: Path) -> None:
     assert tomllib.loads(block("toml"))["accelerometer"]["part"] == "ADXL335"
-    robot = 'format = 1\n[robot]\nmodel = "planar-2r-absolute"\nlink_lengths_m = [0.254, 0.2667]\n'
-    (tmp_path / "setup.toml").write_text(robot + block("toml"))
+    head = 'format = "impid-study/1"\n'
+    robot = '[robot]\nmodel = "planar-2r-absolute"\nlink_lengths_m = [0.254, 0.2667]\n'
+    (tmp_path / "setup.toml").write_text(head + robot + block("toml"))
     read = read_setup(tmp_path / "setup.toml").accelerometer
     assert read is not None
     assert read.zero_g_V == (1.5, 1.5)
