@@ -18,6 +18,7 @@ from impid_host.diagnosis.tolerance import with_tolerance
 from impid_host.effects.bounds import negligible, on_its_bound, possible
 from impid_host.study.model import Tolerance
 
+_LOOSER = 10.0  # an interval so many times as wide
 _NO_NAME = Evidence(0.0, 0.0, 0.0, 0.0)
 
 
@@ -103,9 +104,20 @@ def with_last_stage(judged: Judged, bench: Bench) -> Judged:
     for more in tried:
         fit = bench.fit([*judged.last.chosen, *judged.opened, *more])
         stage = bench.stage(fit, unattributed(on, more, evidence))
-        if not more or not worse(stage.rms, stages[-1].rms):
+        if not more or not (worse(stage.rms, stages[-1].rms) or _looser(stage, stages[-1])):
             break
     return replace(judged, stages=(*stages, stage), last=fit)
+
+
+def _looser(stage: Stage, before: Stage) -> bool:
+    """Whether what serves prediction costs the robot's or a load's numbers: it then stands for them."""
+    pairs = [(stage.alpha, before.alpha)]
+    pairs += [(own[name], before.loads[load][name]) for load, own in stage.loads.items() for name in own]
+    return any(
+        bool(np.any(after.half > _LOOSER * np.maximum(first.half, 1e-3 * np.abs(first.value))))
+        for after, first in pairs
+        if after.half.shape == first.half.shape
+    )
 
 
 def carries_over(part: Chosen) -> bool:
