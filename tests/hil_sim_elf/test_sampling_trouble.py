@@ -17,7 +17,7 @@ from hil_sim.board.wire import FrameReader, command, samples
 
 ADC_OVERRUN, DMA_ERROR, ASSERTION = 3, 4, 6  # fault_kind_t
 LOG_KIND, LOG_PC = 65, 66  # words of the fault log
-RING_HEAD = 256 * 24  # behind the samples of impid_ring_t, which is the first of impid_core_t
+RING_HEAD = 4 + 256 * 24  # in impid_core_t: the sensor, then the samples of the ring, stand before it
 BINARIES = {"firmware": NUCLEO, "custom_firmware": CUSTOM}
 
 

@@ -168,8 +168,13 @@ def _adequate(case: Case, found: Found, pushed: tuple[Event, ...]) -> Choice:
 
 
 def probability(walk: Walk, slots: Sequence[int]) -> float:
-    """That one of these names is right."""
-    places = {walk.table.term(s).kind[:2] for s in slots}
+    """That one of these names is right; what holds a name among more says nothing against it."""
+    labels = {walk.table.term(s).label for s in slots}
+    places = {
+        slot.term.kind[:2]
+        for slot in walk.table.slots
+        if slot.term.label in labels or labels & set(slot.term.holds)
+    }
     return confidence_of(walk.table, places, list(walk.visited.values()))
 
 

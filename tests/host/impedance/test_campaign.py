@@ -96,7 +96,8 @@ def test_a_gap_is_left_out_and_said(study: Study) -> None:
     assert device is not None
     keep = np.ones(len(device), dtype=bool)
     keep[9000:9700] = False
-    holed = type(device)(**{n: getattr(device, n)[keep] for n in device.__slots__})
+    columns = {n: getattr(device, n) for n in device.__slots__}
+    holed = type(device)(**{n: None if own is None else own[keep] for n, own in columns.items()})
     damaged = type(trial)(trial.name, trial.kind, trial.load, trial.robot, holed)
     result = fit_study(Study("holed", study.setup, (damaged, study.trials[1])), Options())
     aligned = result.trials[0]

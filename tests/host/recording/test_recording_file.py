@@ -60,7 +60,8 @@ def test_the_mcap_library_alone_reads_it(whole: Path) -> None:
             assert schema.encoding == "jsonschema"
             assert channel.message_encoding == "json"
             body = json.loads(message.data)
-            assert set(body) == set(json.loads(schema.data)["properties"])
+            told = set(json.loads(schema.data)["properties"])
+            assert set(body) == told - {"az"}  # of a third axis, which this sensor has not
             if channel.topic == "/wire/rx":
                 raw += base64.b64decode(body["data"])
             elif channel.topic == "/samples":
