@@ -31,8 +31,8 @@ class Choice:
         case: without the events in its fit part.
         best: the set, of the walk's table; named, unnamed: its slots.
         left: what has no name; pushed: stretches that the fit part does without.
-        resembled: names beside which too much is left, or that are not likely, with their values: they may
-            serve prediction, and are no cause.
+        resembled: names beside which too much is left, or that are not likely, with their values and what is
+            said of them: they may serve prediction, and are no cause.
     """
 
     case: Case
@@ -42,7 +42,7 @@ class Choice:
     unnamed: tuple[int, ...]
     left: tuple[Structure, ...]
     pushed: tuple[Event, ...]
-    resembled: tuple[Chosen, ...] = ()
+    resembled: tuple[tuple[Chosen, Structure], ...] = ()
 
     @property
     def table(self) -> Table:
@@ -158,12 +158,11 @@ def _adequate(case: Case, found: Found, pushed: tuple[Event, ...]) -> Choice:
     kept = [s for s in kept if probability(walk, groups[s]) > walk.rules.likely]
     values = dict(zip(best.slots, chosen_slots(table, best), strict=True))
     rejected = [s for s in named if s not in kept]
-    alike = [resemblance(table, named, s) for s in rejected]
+    resembled = tuple((values[s], resemblance(table, named, s)) for s in rejected)
     if rejected:
         best = walk.score(tuple(s for s in best.slots if s in kept or s in unnamed))
         unnamed = [s for s in best.slots if not table.term(s).named]
-    left = (*left_over(table, kept, unnamed, case.fit_views), *alike)
-    resembled = tuple(values[s] for s in rejected)
+    left = left_over(table, kept, unnamed, case.fit_views)
     return Choice(case, walk, best, tuple(kept), tuple(unnamed), left, pushed, resembled)
 
 

@@ -28,13 +28,14 @@ class Judged:
 
     Attributes:
         stages: the first model and an effect more at each; last: the fit of the last of them.
-        opened: names that a tie leaves open; left: what has no name.
+        opened: names that a tie leaves open; resembled: names that are no cause; left: what has no name.
     """
 
     choice: Choice
     stages: tuple[Stage, ...]
     last: Refit
     opened: tuple[Chosen, ...]
+    resembled: tuple[Chosen, ...]
     left: tuple[Structure, ...]
     verdict: Verdict
 
@@ -45,12 +46,22 @@ def upheld(choice: Choice, bench: Bench) -> Judged:
     choice, named, fit = exactly_compared(choice, bench, named, fit)
     verdict = arbitrated(choice, bench, dict(zip(named, fit.chosen, strict=True)), fit)
     certain = [s for s in named if s not in verdict.open_slots]
+    alike = _resembled(choice, bench, named)
+    left = (*choice.left, *(words for _, words in alike))
+    others = tuple(part for part, _ in alike)
     stages, last = named_stages(bench, [named[s] for s in certain], _evidence(choice, certain))
     if len(stages) > 1 and worse(stages[-1].rms, stages[0].rms, stretch_of(last.chosen)):
-        left = (*choice.left, *(_not_upheld(stage) for stage in stages[1:]))
-        return Judged(choice, stages[:1], bench.plain, (), left, Verdict((), (), None))
+        left = (*left, *(_not_upheld(stage) for stage in stages[1:]))
+        return Judged(choice, stages[:1], bench.plain, (), others, left, Verdict((), (), None))
     opened = tuple(named[s] for s in verdict.open_slots)
-    return Judged(choice, stages, last, opened, choice.left, verdict)
+    return Judged(choice, stages, last, opened, others, left, verdict)
+
+
+def _resembled(choice: Choice, bench: Bench, named: Mapping[int, Chosen]) -> list[tuple[Chosen, Structure]]:
+    """Of the names that are no cause those that are still there beside the others, everything fitted exactly."""
+    rejected = {-1 - k: part for k, (part, _) in enumerate(choice.resembled)}
+    there = stands(bench, {**named, **rejected})[0] if rejected else {}
+    return [both for k, both in enumerate(choice.resembled) if -1 - k in there]
 
 
 def _values(choice: Choice) -> dict[int, Chosen]:
@@ -100,7 +111,7 @@ def with_last_stage(judged: Judged, bench: Bench) -> Judged:
     unnamed = [part for s, part in _parts(choice).items() if s in choice.unnamed]
     curves = tuple(curves_beside(bench.case, [part for part in unnamed if carries_over(part)], bench.taps))
     evidence = replace(_NO_NAME, share_of_residual=min(1.0, sum(row.share for row in left)))
-    tried = [(*choice.resembled, *curves), curves, ()] if choice.resembled else [curves, ()]
+    tried = [(*judged.resembled, *curves), curves, ()] if judged.resembled else [curves, ()]
     for more in tried:
         fit = bench.fit([*judged.last.chosen, *judged.opened, *more])
         stage = bench.stage(fit, unattributed(on, more, evidence))
