@@ -58,7 +58,7 @@ def upheld(choice: Choice, bench: Bench) -> Judged:
 
 
 def _resembled(choice: Choice, bench: Bench, named: Mapping[int, Chosen]) -> list[tuple[Chosen, Structure]]:
-    """Of the names that are no cause those that are still there beside the others, everything fitted exactly."""
+    """Of the names that are no cause those that are there beside the others once all is fitted exactly."""
     rejected = {-1 - k: part for k, (part, _) in enumerate(choice.resembled)}
     there = stands(bench, {**named, **rejected})[0] if rejected else {}
     return [both for k, both in enumerate(choice.resembled) if -1 - k in there]
