@@ -57,7 +57,8 @@ def parted(covariance: Floats, chosen: Sequence[Chosen]) -> tuple[Chosen, ...]:
 def parameters_of(part: Chosen) -> dict[str, Reported]:
     """Reported parameters with intervals by linear propagation; of each trial or load with its own."""
     flat = _flat(part, part.beta, part.shape)
-    free = count_of(part)
+    # Values that were fitted anew with the shape held have no covariance of it.
+    free = min(count_of(part), len(part.covariance))
     at_ = np.append(part.beta, part.shape)[:free]
     covariance = part.covariance[:free, :free]
     sd = np.sqrt(np.maximum(np.diag(covariance), 0))

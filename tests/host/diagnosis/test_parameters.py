@@ -97,3 +97,10 @@ def test_an_amplitude_that_may_be_zero_is_told(value: float, sd: float, *, zero:
     part = Chosen(dry, 0.0, np.array([value]), np.array([[sd**2]]))
     assert holds_zero(part) == zero
     assert not holds_zero(replace(part, term=find("actuator.offset", "joint1")))
+
+
+def test_what_was_fitted_with_its_shape_held_has_no_error_of_the_shape() -> None:
+    ripple = find("actuator.cogging", "joint1", own=())
+    found = parameters_of(Chosen(ripple, 3.0, np.array([0.3, 0.4]), np.diag([1e-4, 4e-4])))
+    assert number(found, "amplitude").half == pytest.approx(1.96 * np.sqrt(0.36e-4 + 0.64 * 4e-4), rel=1e-3)
+    assert number(found, "cycles_per_rad").half == pytest.approx(0.0, abs=1e-12)
