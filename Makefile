@@ -71,9 +71,9 @@ validate: $(STAMP) ## the long forms, with their figures written to docs/validat
 	$(BIN)/python scripts/validate/measured_diagnosis.py
 	$(BIN)/python scripts/validate/planted.py
 	@mkdir -p build
-	$(BIN)/python bench/diagnosis_validation.py run build/diagnosis.jsonl --first-seed 500000 --jobs 2
+	$(BIN)/python bench/diagnosis_validation.py run build/diagnosis.jsonl --first-seed 1600000 --jobs 2
 	$(BIN)/python bench/diagnosis_validation.py table build/diagnosis.jsonl \
-	  --command 'bench/diagnosis_validation.py run build/diagnosis.jsonl --first-seed 500000 --jobs 2' \
+	  --command 'bench/diagnosis_validation.py run build/diagnosis.jsonl --first-seed 1600000 --jobs 2' \
 	  --markdown docs/validation/diagnosis.md --json docs/validation/diagnosis.json
 
 clean: ## remove what was built, but nothing that was recorded
