@@ -64,6 +64,12 @@ def has_force(study: Study) -> bool:
     return any(trial.robot.force is not None for trial in study.trials)
 
 
+def reaches_16_bits(study: Study) -> bool:
+    """A counter of 16 bits would read something else on the first encoder."""
+    counts = [trial.device.enc1 for trial in study.trials if trial.device is not None]
+    return any(int(own.max()) >= 2**15 or int(own.min()) < -(2**15) for own in counts)
+
+
 def has_payload(study: Study) -> bool:
     """A weighed payload."""
     return any(trial.payload_kg for trial in study.trials)
@@ -156,7 +162,8 @@ MISTAKES: tuple[Mistake, ...] = (
     Mistake(
         "degrees, no module", both(without_module, angles(lambda a: a * _DEG)), ("angle.unit", "torque.unit")
     ),
-    Mistake("encoder 1 wraps at 16 bits", device(wraps16), ("angle.wrap",)),
+    # A counter that passes no edge in any trial has turned by so many counts once: a zero, and nothing else.
+    Mistake("encoder 1 wraps at 16 bits", device(wraps16), ("angle.wrap", "angle.zero"), reaches_16_bits),
     Mistake("encoder 2 came off", device(stuck_encoder, _LAST_LOAD), ("angle.resting",)),
     Mistake(
         "accelerometer's axes swapped",

@@ -11,9 +11,9 @@ MOST = 3
 
 
 def named(line: Line, names: Sequence[str]) -> bool:
-    """Whether the mistake is among at most three names that were given."""
+    """Whether the mistake is among at most three names that were given, in however many trials each."""
     said = {what for what, _, _ in line["said"]}
-    return bool(said & set(names)) and len(line["said"]) <= MOST
+    return bool(said & set(names)) and len(said) <= MOST
 
 
 def in_order(line: Line) -> bool:
