@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from scipy.signal import butter, coherence, sosfilt
 
 from hil_sim.plant.kinematics import joint_angles, joints_of
+from hil_sim.plant.table import columns_of
 
 Array = NDArray[np.float64]
 RATE_HZ = 500.0  # of the random numbers, [P]
@@ -62,18 +63,7 @@ def played_perturbation(path: Path, hold_m: Array, link_lengths_m: tuple[float, 
     Raises:
         ValueError: the file cannot be read, lacks a column, or has another rate.
     """
-    try:
-        table = np.genfromtxt(path, delimiter=",", names=True)
-    except OSError as error:
-        raise ValueError(f"{path}: cannot be read ({error.strerror})") from None
-    names = table.dtype.names or ()
-    if not {"t", "fdx", "fdy"} <= set(names) or table.ndim != 1 or table.size < 2:
-        raise ValueError(f"{path}: needs the columns t, fdx, fdy")
-    force = np.stack([table["fdx"], table["fdy"]], axis=1)
-    if not np.all(np.isfinite(force)):
-        raise ValueError(f"{path}: a force is not a number")
-    if np.max(np.abs(np.diff(table["t"]) * RATE_HZ - 1.0)) > 1e-3:
-        raise ValueError(f"{path}: needs {RATE_HZ:g} rows a second")
+    force = columns_of(path, ("fdx", "fdy"), RATE_HZ, "a force")
     return Perturbation(hold_m, force, link_lengths_m)
 
 

@@ -6,6 +6,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from hil_sim.plant.table import columns_of
+
 Array = NDArray[np.float64]
 
 
@@ -45,19 +47,8 @@ def played_reference(path: Path, tick_s: float, *, joints: int = 2) -> Played:
     Raises:
         ValueError: the file cannot be read, lacks a column, or has another rate.
     """
-    try:
-        table = np.genfromtxt(path, delimiter=",", names=True)
-    except OSError as error:
-        raise ValueError(f"{path}: cannot be read ({error.strerror})") from None
-    wanted = [f"{name}{joint + 1}" for joint in range(joints) for name in ("theta", "omega")]
-    names = table.dtype.names or ()
-    if not {"t", *wanted} <= set(names) or table.ndim != 1 or table.size < 2:
-        raise ValueError(f"{path}: needs the columns t, {', '.join(wanted)}")
-    rows = np.zeros((table.size, 4))
-    for joint in range(joints):
-        rows[:, joint], rows[:, 2 + joint] = table[f"theta{joint + 1}"], table[f"omega{joint + 1}"]
-    if not np.all(np.isfinite(rows)):
-        raise ValueError(f"{path}: an angle or a speed is not a number")
-    if np.max(np.abs(np.diff(table["t"]) / tick_s - 1.0)) > 1e-3:
-        raise ValueError(f"{path}: needs {1 / tick_s:g} rows a second")
+    names = [f"{name}{joint + 1}" for joint in range(joints) for name in ("theta", "omega")]
+    table = columns_of(path, names, 1 / tick_s, "an angle or a speed")
+    rows = np.zeros((len(table), 4))
+    rows[:, :joints], rows[:, 2 : 2 + joints] = table[:, ::2], table[:, 1::2]
     return Played(rows)

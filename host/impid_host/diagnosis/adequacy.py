@@ -44,15 +44,18 @@ def believable(table: Table, named: Sequence[int], report_hz: float) -> list[int
 def excess(table: Table, slots: Sequence[int], report_hz: float) -> dict[Key, float]:
     """Mean square that a set leaves in each channel in the band, over the noise's own, less one."""
     taps = table.noise.taps
-    squares: dict[Key, list[float]] = {}
-    level: dict[Key, float] = {}
+    squares: dict[Key, list[Floats]] = {}
+    rates: dict[Key, float] = {}
     for run, innovations in zip(table.runs, residuals(table, table.columns(slots)), strict=True):
         if run.family not in REPORTED:
             continue
         rows = _in_band(run, innovations, taps[run.key], report_hz)
-        squares.setdefault(run.key, []).extend((rows**2).tolist())
-        level[run.key] = noise_power(taps[run.key], 1 / run.step_s, report_hz)
-    return {key: float(np.mean(own)) / level[key] - 1.0 for key, own in squares.items()}
+        squares.setdefault(run.key, []).append(rows**2)
+        rates[run.key] = 1 / run.step_s
+    return {
+        key: float(np.mean(np.concatenate(own))) / noise_power(taps[key], rates[key], report_hz) - 1.0
+        for key, own in squares.items()
+    }
 
 
 def noise_power(taps: Floats, rate_hz: float, report_hz: float) -> float:

@@ -193,12 +193,12 @@ def evidence_of(choice: Choice, before: Sequence[int], s: int) -> Evidence:
     table, walk = choice.table, choice.walk
     columns = table.columns(before)
     open_part = swept(table.G, columns)
-    excess = max(open_part.left - table.rows, 1.0)
+    above = max(open_part.left - table.rows, 1.0)
     less = open_part.drop(table.slots[s].columns)
     rest = walk.score(tuple(o for o in choice.best.slots if o != s))
     by = difference(choice.best, rest)
     return Evidence(
-        share_of_residual=float(min(1.0, less / max(excess, less, 1e-300))),
+        share_of_residual=float(min(1.0, less / max(above, less, 1e-300))),
         gain=by.gain,
         gain_se=by.se,
         confidence=probability(walk, [s]),

@@ -41,15 +41,21 @@ def power_by_channel(table: Table, slots: Sequence[int]) -> dict[str, float]:
 
 def changes(table: Table, slots: Sequence[int], s: int) -> dict[str, float]:
     """By how much a slot of the set lowers the squares of each channel, the others refitted without it."""
-    rest = [other for other in slots if other != s]
-    before, after = power_by_channel(table, rest), power_by_channel(table, slots)
-    return {name: max(before[name] - after[name], 0.0) for name in after}
+    return _without_and_less(table, slots, s)[1]
+
+
+def _without_and_less(
+    table: Table, slots: Sequence[int], s: int
+) -> tuple[dict[str, float], dict[str, float]]:
+    """Squares that the others leave in each channel, and by how much the slot lowers them."""
+    before = power_by_channel(table, [other for other in slots if other != s])
+    after = power_by_channel(table, slots)
+    return before, {name: max(before[name] - after[name], 0.0) for name in after}
 
 
 def resemblance(table: Table, named: Sequence[int], s: int) -> Structure:
     """A name that is no cause, as an entry of what is unexplained."""
-    before = power_by_channel(table, [o for o in named if o != s])
-    less = changes(table, named, s)
+    before, less = _without_and_less(table, named, s)
     on = max(less, key=lambda name: less[name])
     none = np.zeros((0, 2))
     words = f"{on} resembles {table.term(s).label}, but no more than it resembles other things"

@@ -8,7 +8,7 @@ from impid_host.diagnosis.result import Structure
 from impid_host.diagnosis.rows import Slot
 from impid_host.diagnosis.table import Table, residuals, solve, swept
 from impid_host.effects.response import NODES_HZ, RESPONSE
-from impid_host.effects.structure import EACH, curve_basis, pull
+from impid_host.effects.structure import EACH, curve_basis, pull, values_of
 from impid_host.effects.view import View
 from impid_host.signals.arrays import Floats
 
@@ -118,21 +118,6 @@ def words(variable: str, on: str, grid: Floats, curve: Floats, factor: str, of: 
     if narrow:
         return f"narrow bump of {on} near {variable} = {grid[peak]:.3g}, about {width:.2g} wide{times}"
     return f"{on} varies smoothly with {variable}, by {np.ptp(curve):.2g} over its range{times}"
-
-
-def values_of(view: View, variable: str) -> Floats:
-    """The variable of diagnosis-format at every instant, (N,)."""
-    own: dict[str, Floats] = {
-        "x": view.x[:, 0],
-        "y": view.x[:, -1],
-        "speed": np.linalg.norm(view.v, axis=1),
-        "time": view.t,
-    }
-    if variable in own:
-        return own[variable]
-    signal = view.theta if variable.startswith("theta") else view.omega
-    result: Floats = signal[:, int(variable[-1]) - 1]
-    return result
 
 
 def _share(table: Table, rest: Sequence[int], s: int) -> float:

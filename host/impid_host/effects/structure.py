@@ -25,16 +25,21 @@ BY_PULL = "force of the load"
 
 def variables(setting: Setting) -> dict[str, Variable]:
     """What the residual may depend on, by its name in diagnosis-format."""
-    result: dict[str, Variable] = {}
-    for joint in range(setting.joints):
-        result[f"theta{joint + 1}"] = lambda view, joint=joint: view.theta[:, joint]  # type: ignore[misc]
-        result[f"omega{joint + 1}"] = lambda view, joint=joint: view.omega[:, joint]  # type: ignore[misc]
-    if setting.planar:
-        result["x"] = lambda view: view.x[:, 0]
-        result["y"] = lambda view: view.x[:, 1]
-        result["speed"] = lambda view: np.linalg.norm(view.v, axis=1)
-    result["time"] = lambda view: view.t
-    return result
+    names = [f"{start}{joint + 1}" for joint in range(setting.joints) for start in ("theta", "omega")]
+    names += ["x", "y", "speed"] if setting.planar else []
+    return {name: lambda view, name=name: values_of(view, name) for name in (*names, "time")}  # type: ignore[misc]
+
+
+def values_of(view: View, variable: str) -> Floats:
+    """The variable of diagnosis-format at every instant, (N,)."""
+    if variable == "time":
+        return view.t
+    if variable == "speed":
+        return np.asarray(np.linalg.norm(view.v, axis=1))
+    if variable in ("x", "y"):
+        return view.x[:, 0 if variable == "x" else -1]
+    signal = view.theta if variable.startswith("theta") else view.omega
+    return signal[:, int(variable[-1]) - 1]
 
 
 def pull(view: View) -> Floats:

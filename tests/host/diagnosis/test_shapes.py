@@ -5,8 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from impid_host.diagnosis.result import Structure
-from impid_host.diagnosis.shapes import structures, values_of, words
+from impid_host.diagnosis.shapes import structures, words
 from impid_host.diagnosis.table import Table
+from impid_host.effects.structure import values_of
 from impid_host.effects.view import View
 from scipy.interpolate import BSpline
 
