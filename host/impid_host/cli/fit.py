@@ -9,24 +9,17 @@ import click
 from rich.console import Console
 
 from impid_host.checks import Agreement, Checks, agreement, check_study
-from impid_host.checks.of_diagnosis import of_input
 from impid_host.checks.of_fit import gate_fit
 from impid_host.cli.checked import IMPOSSIBLE, refused, unconfirmed
 from impid_host.cli.inputs import load_inputs
 from impid_host.cli.pair import PAIR
-from impid_host.diagnosis.saved import SavedModel, read_model
 from impid_host.errors import UndeterminedError
 from impid_host.impedance.campaign import Options, Progress, StudyFit, default_chain, fit_study
-from impid_host.impedance.constrained import Constrained
-from impid_host.impedance.constrained import constrain as constrain_matrices
+from impid_host.impedance.identify import LoadFit
 from impid_host.impedance.joint_space import JointImpedance, Limb, joint_impedance
-from impid_host.impedance.reflex import Band, ReflexFit, fit_trial_reflex
 from impid_host.impedance.rows import Split
 from impid_host.report.check_tables import agreement_table, print_above, print_below
-from impid_host.report.fit_json import Json, fit_json
 from impid_host.report.fit_page import print_fit
-from impid_host.report.reflex_report import reflex_json, reflex_table
-from impid_host.report.sessions_json import sessions_json
 from impid_host.report.wide_console import table_console
 from impid_host.robot.terms import TERMS
 from impid_host.signals.chain import CHAINS, DEFAULT, Chain
@@ -35,6 +28,10 @@ from impid_host.study.model import Study
 if TYPE_CHECKING:
     from impid_host.diagnosis.result import Chosen
     from impid_host.diagnosis.reuse import Provenance
+    from impid_host.diagnosis.saved import SavedModel
+    from impid_host.impedance.constrained import Constrained
+    from impid_host.impedance.reflex import Band, ReflexFit
+    from impid_host.report.fit_json import Json
 
 REFLEX = "load.delay"
 
@@ -174,7 +171,7 @@ def command(
     arms = [fit for fit in answer.result.loads if fit.model.name == "arm" and len(fit.model.axes) == 2]
     extras = _Extras(
         reflexes=_reflexes(answer.result, validate) if REFLEX in terms else {},
-        tight=[constrain_matrices(fit, handle) for fit in arms] if constrain else [],
+        tight=_constrained(arms, handle) if constrain else [],
         joints=[] if geometry is None else [joint_impedance(fit, geometry, handle) for fit in arms],
     )
     for line in [] if answer.provenance is None else answer.provenance.warnings:
@@ -184,6 +181,8 @@ def command(
         if drawn is not None:
             click.echo(drawn)
     if json_to is not None:
+        from impid_host.report.sessions_json import sessions_json  # noqa: PLC0415
+
         _write(json.dumps(_document(answer, extras) | sessions_json(study), indent=2), json_to)
     if answer.checks.impossible:
         raise SystemExit(IMPOSSIBLE)
@@ -203,15 +202,15 @@ class _Answer:
 class _Extras:
     """What was asked for besides."""
 
-    reflexes: dict[str, tuple[ReflexFit, Band]]
-    tight: list[Constrained]
+    reflexes: "dict[str, tuple[ReflexFit, Band]]"
+    tight: "list[Constrained]"
     joints: list[JointImpedance]
 
 
 def _answer(
     study: Study,
     options: Options,
-    saved: SavedModel | None,
+    saved: "SavedModel | None",
     progress: Progress,
     *,
     keep_robot: bool,
@@ -225,6 +224,7 @@ def _answer(
         if saved is None:
             result = fit_study(study, options, progress)
         else:
+            from impid_host.checks.of_diagnosis import of_input  # noqa: PLC0415
             from impid_host.diagnosis.reuse import fit_with_model  # noqa: PLC0415  (the catalogue is slow to import)
 
             reused = fit_with_model(study, saved, options, progress, keep_robot=keep_robot)
@@ -245,6 +245,8 @@ def _show(answer: _Answer, extras: _Extras, assumption: str) -> None:
         click.echo(line)
     print_fit(console, answer.result, extras.tight, extras.joints, marked=not answer.checks.trusted)
     if extras.reflexes:
+        from impid_host.report.reflex_report import reflex_table  # noqa: PLC0415
+
         console.print(reflex_table(extras.reflexes))
     if answer.measured_twice.pairs:
         console.print(agreement_table(answer.measured_twice))
@@ -253,7 +255,9 @@ def _show(answer: _Answer, extras: _Extras, assumption: str) -> None:
         click.echo(assumption)
 
 
-def _document(answer: _Answer, extras: _Extras) -> Json:
+def _document(answer: _Answer, extras: _Extras) -> "Json":
+    from impid_host.report.fit_json import fit_json  # noqa: PLC0415  (where somebody asks for it)
+
     document = fit_json(
         answer.result,
         constrained=extras.tight,
@@ -264,6 +268,8 @@ def _document(answer: _Answer, extras: _Extras) -> Json:
     if answer.provenance is not None:
         document["model"] = asdict(answer.provenance)
     if extras.reflexes:
+        from impid_host.report.reflex_report import reflex_json  # noqa: PLC0415
+
         document["reflex"] = reflex_json(extras.reflexes)
     return document
 
@@ -292,16 +298,26 @@ def _write(text: str, to: str) -> None:
         Path(to).write_text(text + "\n", encoding="utf-8")
 
 
-def _reflexes(result: StudyFit, held_out_s: float) -> dict[str, tuple[ReflexFit, Band]]:
+def _constrained(arms: list[LoadFit], handle_kg: float) -> "list[Constrained]":
+    from impid_host.impedance.constrained import constrain  # noqa: PLC0415  (few ask for it)
+
+    return [constrain(fit, handle_kg) for fit in arms]
+
+
+def _reflexes(result: StudyFit, held_out_s: float) -> "dict[str, tuple[ReflexFit, Band]]":
+    from impid_host.impedance.reflex import fit_trial_reflex  # noqa: PLC0415  (few ask for it)
+
     arms = [trial for trial in result.trials if trial.kind == "arm"]
     if not arms:
         raise UndeterminedError(f"study {result.study}: no arm trial, so there is no reflex to fit")
     return {trial.name: fit_trial_reflex(trial, held_out_s) for trial in arms}
 
 
-def _saved(path: Path, chain: str) -> SavedModel:
+def _saved(path: Path, chain: str) -> "SavedModel":
     if chain != "default":
         raise click.UsageError("--model goes with --chain default: its effects act on those signals")
+    from impid_host.diagnosis.saved import read_model  # noqa: PLC0415  (with it all of the diagnosis)
+
     return read_model(path)
 
 

@@ -8,11 +8,11 @@ microsecond.
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import ndimage
-from scipy.interpolate import CubicSpline
 
 from impid_host.clock.lags import FIRST_HALF_WINDOW_S, Motion, smallest_step
 from impid_host.signals.arrays import Floats, Mask
+from impid_host.signals.filters import gaussian
+from impid_host.signals.spline import Spline
 
 MAX_DRIFT = 1000e-6
 _VELOCITY_SMOOTHING_S = 8e-3
@@ -27,7 +27,7 @@ class Interpolant:
     """
 
     motion: Motion
-    angle: CubicSpline
+    angle: Spline
     velocity: Floats
     resolution: Floats
 
@@ -69,8 +69,8 @@ class Solution:
 
 def interpolant_of(log: Motion) -> Interpolant:
     raw = np.gradient(log.theta, log.t, axis=0)
-    velocity = ndimage.gaussian_filter1d(raw, _VELOCITY_SMOOTHING_S / log.period, axis=0)
-    angle = CubicSpline(log.t, log.theta, axis=0)
+    velocity = gaussian(raw, _VELOCITY_SMOOTHING_S / log.period)
+    angle = Spline(log.t, log.theta)
     return Interpolant(log, angle, velocity, smallest_step(log.theta))
 
 
