@@ -10,12 +10,9 @@ from rich.console import Console
 from rich.progress import Progress
 from rich.table import Table
 
-from impid_host.checks import check_study
 from impid_host.cli.checked import IMPOSSIBLE, refused
 from impid_host.cli.inputs import load_inputs
 from impid_host.errors import UndeterminedError
-from impid_host.report.check_tables import print_above, print_below, with_marks
-from impid_host.report.sessions_json import sessions_json
 from impid_host.report.wide_console import table_console
 
 if TYPE_CHECKING:
@@ -58,9 +55,11 @@ def command(
       impid-host diagnose study/ --figures figures/ --save-model model.json
     """
     read = load_inputs([study], (), None)
+    from impid_host.checks import check_study  # noqa: PLC0415
     from impid_host.checks.of_diagnosis import beside_diagnosis  # noqa: PLC0415  (a second in all)
     from impid_host.diagnosis.diagnose import diagnose  # noqa: PLC0415
     from impid_host.diagnosis.verdict import beside_checks  # noqa: PLC0415
+    from impid_host.report.check_tables import print_above, print_below  # noqa: PLC0415
 
     with Progress(console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task("checking", total=1.0)
@@ -90,6 +89,7 @@ def command(
         write_model(answer, read, save_model)
     if json_to is not None:
         from impid_host.report.diagnosis_json import diagnosis_json  # noqa: PLC0415
+        from impid_host.report.sessions_json import sessions_json  # noqa: PLC0415
 
         text = json.dumps(diagnosis_json(answer, checks) | sessions_json(read), indent=2, allow_nan=False)
         if json_to == "-":
@@ -104,6 +104,7 @@ def show(answer: "Diagnosis", *, trusted: bool = True) -> None:
     """Print the answer for people; where it is not trusted every number is marked, and nothing is said to be
     complete.
     """
+    from impid_host.report.check_tables import with_marks  # noqa: PLC0415
     from impid_host.report.diagnosis_tables import (  # noqa: PLC0415  (the catalogue is slow to import)
         effect_table,
         parameter_table,

@@ -6,7 +6,6 @@ everything else that a fit imports together.
 """
 
 import numpy as np
-from scipy.linalg import lapack
 
 from impid_host.signals.arrays import Floats
 
@@ -17,6 +16,8 @@ def recursive(section: Floats, values: Floats, *, settled: bool) -> Floats:
     Args:
         settled: start as if the first value had been there for ever; else as if zero had.
     """
+    from scipy.linalg import lapack  # noqa: PLC0415  (a tenth of a second, which starting can do without)
+
     b, a = section[:3], section[3:]
     driven = np.empty(values.shape, order="F")
     np.multiply(values, b[0], out=driven)

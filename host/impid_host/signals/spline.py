@@ -4,7 +4,6 @@ A trial is a few long columns: each is worked on by itself, so that it stays in 
 """
 
 import numpy as np
-from scipy.linalg import lapack
 
 from impid_host.signals.arrays import Floats
 
@@ -54,6 +53,8 @@ def _slopes(step: Floats, chord: Floats) -> Floats:
     if len(step) == 2:  # one parabola
         bend = np.diff(chord, axis=1) / (step[0] + step[1])
         return np.concatenate([chord - bend * step, chord[:, 1:] + bend * step[1]], axis=1)
+    from scipy.linalg import lapack  # noqa: PLC0415  (a tenth of a second, which starting can do without)
+
     first, last = step[0] + step[1], step[-1] + step[-2]
     below = np.append(step[1:], last)
     above = np.insert(step[:-1], 0, first)
