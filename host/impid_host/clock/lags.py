@@ -38,10 +38,13 @@ class Motion:
 
 
 def smallest_step(theta: Floats) -> Floats:
-    steps = np.abs(np.diff(theta, axis=0))
-    threshold = 1e-12 * np.max(np.abs(theta), axis=0)
-    smallest: Floats = np.min(np.where(steps > threshold, steps, np.inf), axis=0)
-    return smallest
+    """Of each angle, (N, n) -> (n,); infinite where it never changes."""
+    smallest = []
+    for column in np.ascontiguousarray(theta.T):
+        steps = np.abs(np.diff(column))
+        moved = steps[steps > 1e-12 * max(abs(column.max()), abs(column.min()))]
+        smallest.append(moved.min() if len(moved) else np.inf)
+    return np.array(smallest)
 
 
 def _grid_velocity(log: Motion, step: float) -> Floats:
