@@ -112,7 +112,8 @@ def match_clocks(
         raise UndeterminedError("fewer than 100 rows in one of the two logs; the clocks cannot be matched")
     device = Motion(t_device_s - t_device_s[0], theta_device)
     robot = Motion(t_robot_s - t_robot_s[0], theta_robot)
-    _require_motion(device, robot)
+    for name, log in (("module", device), ("robot", robot)):
+        _require_motion(name, log)
     if robot.period < _CLEARLY_FASTER * device.period:
         best, resolution = _best_alignment(robot, device)
         fit = _turned(_as_fit(best, resolution, start_s=(float(t_device_s[0]), float(t_robot_s[0]))))
@@ -169,14 +170,14 @@ def _turned(fit: RobotClockFit) -> RobotClockFit:
     )
 
 
-def _require_motion(device: Motion, robot: Motion) -> None:
-    for name, log in (("module", device), ("robot", robot)):
-        span = np.ptp(log.theta, axis=0)
-        if not np.any(span > 20 * smallest_step(log.theta)):
-            raise UndeterminedError(
-                f"the {name}'s angles hardly move; matching the clocks needs a motion of the joints, "
-                "also check that the encoders are connected"
-            )
+def _require_motion(name: str, log: Motion) -> None:
+    few = log.every(max(1, len(log.t) // _COMPETING_ROWS)).theta
+    if np.any(few.max(axis=0) - few.min(axis=0) > 20 * smallest_step(log.theta)):
+        return
+    raise UndeterminedError(
+        f"the {name}'s angles hardly move; matching the clocks needs a motion of the joints, "
+        "also check that the encoders are connected"
+    )
 
 
 def _clear_winner(solutions: list[Solution]) -> Solution:

@@ -43,16 +43,15 @@ class Sections:
             raise ValueError(f"{len(values)} rows are no more than the {pad} by which they are continued")
         plain = values.reshape(len(values), -1)
         used = np.flatnonzero(plain.any(axis=0))
-        rows = plain if len(used) == plain.shape[1] else plain[:, used]
-        begin = 2 * rows[:1] - rows[pad:0:-1]
-        end = 2 * rows[-1:] - rows[-2 : -pad - 2 : -1]
-        there = self._once(np.concatenate([begin, rows, end]) if pad else rows)
-        back = self._once(there[::-1])[::-1][pad : pad + len(values)]
-        if len(used) < plain.shape[1]:
-            result = np.zeros(plain.shape)
-            result[:, used] = back
-            back = result
-        return np.ascontiguousarray(back).reshape(values.shape)
+        longer = np.empty((len(values) + 2 * pad, len(used)), order="F")
+        rows = longer[pad : pad + len(values)]
+        rows[:] = plain[:, used] if len(used) < plain.shape[1] else plain
+        longer[:pad] = 2 * rows[:1] - rows[pad:0:-1]
+        longer[pad + len(values) :] = 2 * rows[-1:] - rows[-2 : -pad - 2 : -1]
+        back = self._once(self._once(longer)[::-1])[::-1]
+        result = np.zeros(plain.shape)
+        result[:, used] = back[pad : pad + len(values)]
+        return result.reshape(values.shape)
 
     def gain(self, frequency_hz: Floats, rate_hz: float) -> Floats:
         """Magnitude of the response of one run, (F,)."""
