@@ -194,7 +194,7 @@ def _step(interpolant: Interpolant, robot: Motion, half: float, near: Solution) 
 
 
 def _normal(speed: Floats, elapsed: Floats, weight: Floats) -> Floats:
-    """Of d(misfit)/d(offset, drift, constant of each joint): speed, speed times elapsed, one; (2 + n, 2 + n)."""
+    """Of d(misfit)/d(offset, drift, constant of each joint), speed, speed * elapsed, 1: (2 + n, 2 + n)."""
     n = len(speed)
     result = np.zeros((2 + n, 2 + n))
     for joint in range(n):

@@ -32,5 +32,4 @@ def measured_velocity(d: Floats, fs: float) -> Floats:
     m/s.
     """
     difference = np.diff(d, axis=0, prepend=d[:1]) * fs
-    (section,) = butterworth_sections(1, VELOCITY_CUTOFF_HZ, fs)
-    return recursive(section, difference, settled=False)
+    return recursive(butterworth_sections(1, VELOCITY_CUTOFF_HZ, fs), difference, settled=False)

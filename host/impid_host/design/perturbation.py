@@ -62,9 +62,7 @@ def filtered_noise(seed: int, samples: int, fs: float = 500.0, cutoff_Hz: float 
     """
     warm_up = round(WARM_UP_S * fs)
     noise = np.random.default_rng(seed).uniform(-1.0, 1.0, (samples + warm_up, 1))
-    for section in butterworth_sections(FILTER_ORDER, cutoff_Hz, fs):
-        noise = recursive(section, noise, settled=False)
-    x = noise[warm_up:, 0]
+    x = recursive(butterworth_sections(FILTER_ORDER, cutoff_Hz, fs), noise, settled=False)[warm_up:, 0]
     x -= x.mean()
     return np.asarray(x / np.sqrt(np.mean(x**2)))
 

@@ -168,7 +168,7 @@ def _low_passed(values: Floats, time_constant_s: float, dt: float) -> Floats:
     """First-order lag (N, k), at rest at its first value: (1 + T d/dt) result = values."""
     if time_constant_s <= 0.0:
         return values
-    return recursive(first_order(0.5 * dt / time_constant_s), values, settled=True)
+    return recursive(first_order(0.5 * dt / time_constant_s)[None], values, settled=True)
 
 
 def _delay_rows(name: str) -> Callable[[Setting], list[Term]]:

@@ -21,7 +21,7 @@ _SIDES = {"positive": 1.0, "negative": -1.0}
 
 def muscle(stretch: Floats, rate_hz: float, corner_rad_s: float) -> Floats:
     """The critically damped low-pass h, (N, k)."""
-    return recursive(second_order(0.5 * corner_rad_s / rate_hz, 1.0), stretch, settled=False)
+    return recursive(second_order(0.5 * corner_rad_s / rate_hz, 1.0)[None], stretch, settled=False)
 
 
 def reflex_terms(setting: Setting) -> Iterator[Term]:

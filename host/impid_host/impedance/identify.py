@@ -214,7 +214,7 @@ def _robot_twins(
     split: Split,
     judged: tuple[int, ...],
 ) -> list[Stretch]:
-    """The rows of `_robot_rows` by the angles, where the accelerometer was used; their torque is not asked for."""
+    """The rows of `_robot_rows` by the angles, where the accelerometer was used; without torque."""
     silent = (replace(trial, tau=np.zeros_like(trial.tau)) for trial in quiet)
     return _twins(list(silent), lambda trial: robot_equation(trial, structure, chain, judged), chain, split)
 

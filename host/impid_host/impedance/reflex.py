@@ -159,7 +159,7 @@ def _reflex_columns(velocity: Floats, t: Floats, rate_hz: float, delay_s: float,
     """The low-passed, delayed velocity of either direction, (N, 2)."""
     late = np.interp(t - delay_s, t, velocity)
     halves = np.stack([np.maximum(late, 0.0), np.minimum(late, 0.0)], axis=1)
-    return recursive(second_order(0.5 * corner / rate_hz, 1.0), halves, settled=False)
+    return recursive(second_order(0.5 * corner / rate_hz, 1.0)[None], halves, settled=False)
 
 
 def _search(cost: Callable[[Floats], float]) -> Floats:

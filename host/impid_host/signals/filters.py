@@ -61,9 +61,7 @@ class Sections:
 
     def _once(self, rows: Floats) -> Floats:
         """From where the first value has been there for ever, (N, k) along axis 0."""
-        for section in self.sos:
-            rows = recursive(section, rows, settled=True)
-        return rows
+        return recursive(self.sos, rows, settled=True)
 
 
 @lru_cache(maxsize=64)

@@ -1,8 +1,8 @@
 """Recursive filters of first and second order, and what is built of them, by LAPACK.
 
 `y[k] = b0 x[k] + b1 x[k-1] + b2 x[k-2] - a1 y[k-1] - a2 y[k-2]` is a triangular system with three diagonals,
-and its forward substitution is the filter. `scipy.signal` does it in half the time, but importing that takes ten
-times as long as filtering a trial.
+and its forward substitution is the filter. `scipy.signal` does it in half the time, but importing that takes
+ten times as long as filtering a trial.
 """
 
 import numpy as np
@@ -10,22 +10,30 @@ import numpy as np
 from impid_host.signals.arrays import Floats
 
 
-def recursive(section: Floats, values: Floats, *, settled: bool) -> Floats:
-    """One section (6,), b0, b1, b2, 1, a1, a2, along axis 0: (N, k) -> (N, k), each column in one piece.
+def recursive(sections: Floats, values: Floats, *, settled: bool) -> Floats:
+    """Sections (k, 6), b0, b1, b2, 1, a1, a2, one after the other along axis 0: (N, c) -> (N, c).
+
+    Each column of the result is in one piece.
 
     Args:
         settled: start as if the first value had been there for ever; else as if zero had.
     """
-    from scipy.linalg import lapack  # noqa: PLC0415  (a tenth of a second, which starting can do without)
-
     if values.size == 0:  # LAPACK would not be content with no columns
         return np.zeros(values.shape)
+    for section in sections:
+        values = _section(section, values, settled)
+    return values
+
+
+def _section(section: Floats, values: Floats, settled: bool) -> Floats:
+    from scipy.linalg import lapack  # noqa: PLC0415  (a tenth of a second, which starting can do without)
+
     b, a = section[:3], section[3:]
     driven = np.empty(values.shape, order="F")
     np.multiply(values, b[0], out=driven)
     for delay in (1, 2):
         if b[delay]:
-            driven[delay:] += b[delay] * values[: len(values) - delay]
+            driven[delay:] += b[delay] * values[: max(len(values) - delay, 0)]
     if settled:
         given, rested = values[0], b.sum() / a.sum() * values[0]
         driven[:1] += (b[1] + b[2]) * given - (a[1] + a[2]) * rested
