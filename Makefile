@@ -27,10 +27,10 @@ $(STAMP): pyproject.toml setup.py $(LOCK) $(C_SOURCES) | $(VENV)/bin/python
 
 setup: $(STAMP) ## make the virtual environment with everything in it
 
-lock: ## take the newest versions of everything, and write them down for CI
-	rm -rf build/lock && $(PYTHON) -m venv build/lock
-	IMPID_SIM=0 build/lock/bin/python -m pip install --quiet --disable-pip-version-check '.[dev]'
-	build/lock/bin/python -m pip freeze --exclude impid --exclude pip | LC_ALL=C sort -f > $(LOCK)
+lock: $(STAMP) ## take the newest versions of everything, and write them down for CI
+	IMPID_SIM=1 $(BIN)/python -m pip install --quiet --disable-pip-version-check --upgrade \
+	  --upgrade-strategy eager --editable '.[dev]'
+	$(BIN)/python scripts/lock.py
 
 demo: $(STAMP) ## record, sync, fit and plot on the simulator
 	@PATH="$(CURDIR)/$(BIN):$$PATH" scripts/demo.sh
