@@ -9,11 +9,14 @@ from impid_host.errors import ImpidError
 # package -> the extra of pyproject.toml that brings it
 EXTRAS = {
     "aiohttp": "view",
+    "asammdf": "mdf",
     "can": "can",
+    "ezc3d": "c3d",
     "h5py": "mat",
     "pandas": "pandas",
     "pinocchio": "urdf",
     "pint": "import",
+    "pyxdf": "xdf",
     "rosbags": "ros",
     "simpleeval": "import",
 }

@@ -158,6 +158,15 @@ def test_the_simulator_serves_tcp_where_there_are_no_terminals() -> None:
             "h5py",
             "a.mat (MATLAB 7.3, HDF5) needs h5py: pip install 'impid[mat]'",
         ),
+        *(
+            (
+                f"from pathlib import Path\nfrom impid_host.study.{kind}_log import read_{kind}\n"
+                f"try: read_{kind}(Path('a.{kind}'))\nexcept Exception as e: raise SystemExit(str(e))",
+                library,
+                f"a.{kind} ({kind.upper()}) needs {library}: pip install 'impid[{kind}]'",
+            )
+            for kind, library in (("xdf", "pyxdf"), ("mdf", "asammdf"), ("c3d", "ezc3d"))
+        ),
     ],
 )
 def test_an_extra_that_is_missing_is_named(code: str, missing: str, words: str) -> None:
