@@ -127,7 +127,8 @@ def tabulated(case: Case, noise: Noise | None = None, progress: Progress = silen
         white += whitened([raw.pop(0)], taps)
     white = _with_references(case, white)
     plain = Noise(taps, dict.fromkeys([*taps, (REFERENCE, 0)], 1e4))
-    table = table_of(white, slots, noise or plain, make)
+    loaded = frozenset(case.setting.loaded) if case.setting.both else frozenset()
+    table = table_of(white, slots, noise or plain, make, loaded)
     return table if noise is not None else replace(table, noise=Noise(taps, _tails(table)))
 
 

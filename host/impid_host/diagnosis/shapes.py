@@ -123,7 +123,7 @@ def words(variable: str, on: str, grid: Floats, curve: Floats, factor: str, of: 
 def _share(table: Table, rest: Sequence[int], s: int) -> float:
     """Part of what is left in the channel that the slot explains."""
     columns = table.columns(rest)
-    less = swept(table.G, columns).drop(table.slots[s].columns)
+    less = swept(table, columns).drop(table.slots[s].columns)
     keys = {run.key for run in table.runs if run.has(table.columns([s]))}
     left = sum(
         float(r @ r) for run, r in zip(table.runs, residuals(table, columns), strict=True) if run.key in keys
