@@ -8,7 +8,7 @@ from impid_host.diagnosis.result import Structure
 from impid_host.diagnosis.rows import Slot
 from impid_host.diagnosis.table import Table, residuals, solve, swept
 from impid_host.effects.response import NODES_HZ, RESPONSE
-from impid_host.effects.structure import EACH, curve_basis, pull, values_of
+from impid_host.effects.structure import EACH, ENCODER, ENCODER_ERRORS, curve_basis, pull, values_of
 from impid_host.effects.view import View
 from impid_host.signals.arrays import Floats
 
@@ -42,6 +42,8 @@ def _shape(slot: Slot, share: float, beta: Floats, covariance: Floats, views: Se
         return Structure(variable, on, share, _NOTHING, _NOTHING, sentence)
     if variant.startswith(RESPONSE):
         return _response(slot, share, beta, covariance, views)
+    if variant == ENCODER:
+        return _encoder(slot, share, beta, covariance, views)
     if variant == EACH:
         return _gain(on, share, beta, covariance, views)
     if variable == "direction":
@@ -64,6 +66,24 @@ def _shape(slot: Slot, share: float, beta: Floats, covariance: Floats, views: Se
         band=np.stack([curve - half, curve + half], axis=1),
         words=words(variable, on, grid, curve, factor, variant),
     )
+
+
+def _encoder(slot: Slot, share: float, beta: Floats, covariance: Floats, views: Sequence[View]) -> Structure:
+    """The angle error of an encoder that runs ahead in time, against its joint's speed."""
+    on, variable = slot.term.where
+    values = np.concatenate([values_of(view, variable)[view.valid] for view in views])
+    low, high = (float(v) for v in np.percentile(values, [0.2, 99.8]))
+    grid = np.linspace(low, high, 41)
+    curve = beta[0] * grid
+    half = 1.96 * np.sqrt(max(float(covariance[0, 0]), 0.0)) * np.abs(grid)
+    each = np.split(beta, len(on.split("+")))
+    errors = [
+        ", ".join(f"{v:.2g} {unit}" for v, unit in zip(own, ENCODER_ERRORS, strict=True)) for own in each
+    ]
+    parts = [f"of joint {name[-1]} by {error}" for name, error in zip(on.split("+"), errors, strict=True)]
+    sentence = f"an encoder is not where its joint is: {' and '.join(parts)}"
+    band = np.stack([curve - half, curve + half], axis=1)
+    return Structure(variable, on, share, np.stack([grid, curve], axis=1), band, sentence)
 
 
 def _gain(on: str, share: float, beta: Floats, covariance: Floats, views: Sequence[View]) -> Structure:

@@ -11,8 +11,10 @@ import numpy as np
 from scipy.interpolate import BSpline
 
 from impid_host.effects.effect import UNATTRIBUTED, Each, Setting, Term
+from impid_host.effects.encoder import without_error
 from impid_host.effects.response import response_terms
-from impid_host.effects.view import FORCE, SPECIFIC_FORCE, TORQUE, Columns, View
+from impid_host.effects.sensitivity import sensitivity
+from impid_host.effects.view import FORCE, SPECIFIC_FORCE, TORQUE, Columns, View, rate_of
 from impid_host.impedance.virtual_sensor import through_jacobian
 from impid_host.signals.arrays import Floats
 from impid_host.signals.direction import sign_mean
@@ -21,6 +23,9 @@ Variable = Callable[[View], Floats]
 COARSE, FINE = 7, 18
 EACH = "torque times time in each trial"
 BY_PULL = "force of the load"
+ENCODER = "encoder"
+ENCODER_ERRORS = ("s ahead", "rad/(N m) of give", "rad/(N m rad) of slip")
+_STEP = 1e-4  # of the finite differences, in those units
 
 
 def variables(setting: Setting) -> dict[str, Variable]:
@@ -82,6 +87,7 @@ def structures(parts: Sequence[View], setting: Setting) -> list[Term]:
     if len(parts) > 1:
         result += [_one_trial(view) for view in parts]
     result += response_terms(setting)
+    result += _encoder_errors(setting)
     if not setting.bare:
         result += [_wandering_gain(parts, joint) for joint in range(setting.joints)]
     for name, variable in variables(setting).items():
@@ -154,6 +160,35 @@ def _one_trial(odd: View) -> Term:
 
     size = len(model.parameter_names) + 7 * odd.joints
     return unnamed("tau1", "one_trial", columns, size, odd.name)
+
+
+def _encoder_errors(setting: Setting) -> Iterator[Term]:
+    """Encoders that are not where their joints are: each by itself, and all of them."""
+    every = tuple(range(setting.joints))
+    for joints in [*((joint,) for joint in every), *([every] if len(every) > 1 else [])]:
+
+        def columns(view: View, _shape: float, joints: tuple[int, ...] = joints) -> Columns:
+            blocks = [_by_encoder(view, joint) for joint in joints]
+            return {family: np.concatenate([own[family] for own in blocks], axis=2) for family in blocks[0]}
+
+        on = "+".join(f"theta{joint + 1}" for joint in joints)
+        yield unnamed(on, f"omega{joints[0] + 1}", columns, len(ENCODER_ERRORS) * len(joints), ENCODER)
+
+
+def _by_encoder(view: View, joint: int) -> Columns:
+    """An encoder that runs ahead in time, by the torque that passes, or by torque and way (a slip)."""
+    speed, torque = view.omega[:, joint], view.torque_model[:, joint]
+    slips = torque * np.abs(speed)
+    errors = [
+        (speed, rate_of(speed, view.dt)),
+        (torque, rate_of(torque, view.dt)),
+        (np.cumsum(slips) * view.dt, slips),
+    ]
+    moved = [
+        without_error(view, joint, *(_STEP * own for own in (error, rate, rate_of(rate, view.dt))))
+        for error, rate in errors
+    ]
+    return sensitivity(view, _STEP, *moved)
 
 
 def _wandering_gain(parts: Sequence[View], joint: int) -> Term:
