@@ -60,7 +60,8 @@ class Room:
     @classmethod
     def of(cls, size: int) -> "Room":
         """Zeros, (size, size) of them to be filled."""
-        return cls(np.zeros((size + _SPARE, size + _SPARE)), size)
+        room = size + max(_SPARE, size // 2)  # memory that nobody writes to is none
+        return cls(np.zeros((room, room)), size)
 
     def grown(self, G: Floats, size: int) -> "tuple[Floats, Room]":
         """G within (size, size), zeros beyond it."""
@@ -161,7 +162,7 @@ class Table:
             fields[when] = (sums, onto, room)
         runs = []
         for run, new in zip(self.runs, made, strict=True):
-            runs.append(replace(run, further=(*run.further, new)))
+            runs.append(run.with_columns(*new))
             if len(new[0]) == 0:
                 continue
             own = replace(run, used=new[0], design=new[1], further=()).columns(added - 1)
