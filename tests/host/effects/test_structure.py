@@ -2,7 +2,8 @@
 
 import numpy as np
 import pytest
-from impid_host.effects.structure import ENCODER, structures
+from impid_host.effects.odd_machine import ENCODER
+from impid_host.effects.structure import structures
 
 from .apparatus import INSIDE, apparatus
 from .closed_form import ALL, SPRING, Body, body, recorded, slope
