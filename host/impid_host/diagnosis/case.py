@@ -155,7 +155,8 @@ def _rich(case: Case, slots: Sequence[Slot], runs: Sequence[Run]) -> list[Rich]:
             rows[run.trial] = rows.get(run.trial, 0) + len(run.target)
     loaded = frozenset(rows) & frozenset(case.setting.loaded)
     kinds = [names for names in (loaded, frozenset(rows) - loaded) if names]
-    ways = {tuple(own) for own in ([frozenset(rows)], kinds, [frozenset([name]) for name in rows])}
+    each = [frozenset([name]) for name in rows]
+    ways = dict.fromkeys(tuple(own) for own in ([frozenset(rows)], kinds, each))
     return [
         Rich(columns_of(saturated(case.base, slots, min(sum(rows[n] for n in own) for own in way))), way)
         for way in ways

@@ -86,15 +86,16 @@ def _left(runs: Sequence[Run], rich: Rich) -> _Left:
             continue
         some = [runs[k] for k in own]
         residual, more = _left_by(some, wanted, np.concatenate([run.target for run in some]))
-        width += min(more, len(residual) // 2)
+        width += more
         cuts = np.cumsum([len(run.target) for run in some])[:-1]
         parts |= dict(zip(own, np.split(residual, cuts), strict=True))
     residual = np.concatenate([parts[k] for k in range(len(runs))])
     count = len(residual)
-    free = max(count - width - 2, 1)
     variance = max(float(residual @ residual) / count, 1e-300)
-    aicc = count * np.log(variance) + 2.0 * (width + 1) * count / free
-    return _Left(residual, count / max(count - width, 1), aicc)
+    aicc = count * np.log(variance) + 2.0 * (width + 1) * count / max(count - width - 2, 1)
+    # Columns that take more than they leave take slow noise whole.
+    spare = count / (count - min(width, count // 2))
+    return _Left(residual, spare, aicc if 2 * width < count else np.inf)
 
 
 def _left_by(runs: Sequence[Run], wanted: Index, target: Floats) -> tuple[Floats, int]:
