@@ -11,6 +11,7 @@ from typing import Any
 from diagnosis_campaign.accuracy import bias, parameters
 from diagnosis_campaign.answer import NoAnswerError, acts_in, ask, findings, label
 from diagnosis_campaign.cases import Case
+from diagnosis_campaign.floor import first_errors
 from diagnosis_campaign.verdict import judged
 from hil_sim.effects import catalogue
 from hil_sim.effects.entry import Entry
@@ -149,8 +150,9 @@ def _floor(case: Case, folder: Path, answer: Json) -> dict[str, float]:
     if case.effects:
         clean, _ = _laboratory(case, ())
         write_study(clean, folder / "clean", case.seed)
-        answer = ask(folder / "clean")
-    rms: dict[str, float] = answer["stages"][0]["validation_rms"]
+        rms = first_errors(folder / "clean")
+    else:
+        rms = answer["stages"][0]["validation_rms"]
     return {name: max(value, 1e-12) for name, value in rms.items()}
 
 
