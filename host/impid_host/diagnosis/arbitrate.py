@@ -19,6 +19,7 @@ from impid_host.effects.bounds import possible
 from impid_host.effects.catalogue import CATALOGUE, telling_trial
 
 _MATERIAL = 0.005  # of a matrix's largest entry: nobody would report a difference below
+_PREFERRED = 2 * RULES.close_nats  # of the deviance: below, the search's own choice is as good
 _INSTRUMENTS = ("actuator", "sensor", "clock")
 
 
@@ -53,7 +54,7 @@ def exactly_compared(
                 continue
             other = bench.fit([tried if s == own.slot else p for s, p in kept.items()])
             fewer = tried.term.parameters <= part.term.parameters
-            if fewer and other.deviance < best.deviance - 1.0 and _stands(other):
+            if fewer and other.deviance < best.deviance - _PREFERRED and _stands(other):
                 best, slot, part = other, rival, tried
         if slot != own.slot:
             kept = {slot if s == own.slot else s: part if s == own.slot else p for s, p in kept.items()}
