@@ -198,10 +198,12 @@ class Walk:
         ]
         return min(close or [best], key=lambda own: (*self._plainness(own), -own.total))
 
-    def _plainness(self, own: Explanation) -> tuple[int, int, int]:
+    def _plainness(self, own: Explanation) -> tuple[int, int, int, int]:
+        """Structures without a name, causes, parameters, and what is claimed of some trials only."""
         terms = [self.table.term(s) for s in own.slots]
         return (
             sum(not term.named for term in terms),
+            len({term.effect for term in terms}),
             sum(term.parameters for term in terms),
             sum(term.when != "all" for term in terms),
         )
