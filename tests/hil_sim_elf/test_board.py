@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from busy import busiest_share
 from feed import readings
 from unicorn import UC_HOOK_EDGE_GENERATED
 
@@ -240,6 +241,7 @@ def test_worst_tick_is_under_a_quarter_of_its_period(firmware: Path) -> None:
     assert 0 < budget.worst_handler_share < 0.25
     assert budget.worst_share < 0.25, str(budget)
     assert np.median(budget.whole) > np.median(budget.handler) > 100
+    assert 0.1 < busiest_share(lambda: ElfBoard(firmware), readings) < 0.25
 
 
 @pytest.mark.parametrize("content", [None, b"not an ELF file", b"\x7fELF\x02\x01\x01" + bytes(57)])
