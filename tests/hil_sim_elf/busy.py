@@ -29,7 +29,7 @@ def _with_batch_at(board: ElfBoard, readings: Readings, ticks: int) -> float:
     adc, encoder = readings(2 * STATUS_TICKS + AROUND - ticks, 3, ticks)
     for row in range(len(encoder)):
         if row > AROUND and (row + ticks + AROUND) % STATUS_TICKS < 2 * AROUND:
-            board.serial_receive(command(row, "STATUS"), board.next_tick_us - 950)
+            board.serial_receive(command(row, "STATUS"), board.next_tick_us - 100)
         counter.run(adc[row : row + 1], encoder[row : row + 1])
         sent += board.serial_take()
     assert any(accepts_start(frame) for frame in FrameReader().feed(sent))
