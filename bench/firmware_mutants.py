@@ -65,7 +65,7 @@ def run(jobs: int, only: str, lists: str, markdown: Path | None) -> None:
     """Builds and judges every mistake, and the firmware without any."""
     chosen = [mutant for mutant in mutants(lists) if only in mutant.what or only in mutant.file]
     whole = [
-        Mutant("no mistake", "boards/stm32f446/main.c", "int main(void)", "int main(void)", b)
+        Mutant("no mistake", "boards/stm32/main.c", "int main(void)", "int main(void)", b)
         for b in WIRINGS
     ]
     workshops: Queue[Workshop] = Queue()

