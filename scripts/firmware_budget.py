@@ -157,10 +157,7 @@ def interrupt_priorities(port: Path) -> dict[int, list[str]]:
     """Handlers by priority, as the port's sources enable and name them."""
     text = "".join(path.read_text() for folder in (BOTH, port) for path in sorted(folder.glob("*.[ch]")))
     handlers = dict(re.findall(r"\[(IRQ_\w+)\] = (\w+)", text))
-    numbers = {
-        name: int(value)
-        for name, value in re.findall(r"(PRIORITY_\w+) = (\d)", text)
-    }
+    numbers = {name: int(value) for name, value in re.findall(r"(PRIORITY_\w+) = (\d)", text)}
     levels: dict[int, list[str]] = {}
     for irq, priority in re.findall(r"interrupt_enable\((IRQ_\w+), (PRIORITY_\w+)\)", text):
         levels.setdefault(numbers[priority], []).append(handlers[irq])

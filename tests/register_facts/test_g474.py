@@ -303,3 +303,21 @@ def test_the_pins_of_the_table_are_those_of_the_package_and_the_dac_is_not_5_v_t
     tolerant = {row["pin"] for row in rows if row["structure"].startswith("FT")}
     assert outputs
     assert not outputs & tolerant
+
+
+def test_a_pin_that_stands_3_v_only_is_an_analogue_one() -> None:
+    """No package says which pin stands 5 V: this is what the description can say about that column.
+
+    PA8 is the one output of an amplifier that the data sheet has as 5 V tolerant.
+    """
+    text = (HEADER.port / "io_structure.csv").read_text(encoding="utf-8")
+    rows = list(csv.DictReader(line for line in text.splitlines() if not line.startswith("#")))
+    analogue: dict[str, set[str]] = {}
+    for name, entry in CHIP.description("PERIPHERALS").items():
+        for row in entry["pins"]:
+            if row["af"] is None:
+                analogue.setdefault(row["pin"], set()).add(re.sub(r"\d+$", "", name))
+    low = {row["pin"] for row in rows if row["structure"] == "TT"}
+    assert all(analogue.get(pin, set()) & {"ADC", "COMP", "DAC", "OPAMP"} for pin in low)
+    amplifiers = {pin for pin, names in analogue.items() if "OPAMP" in names}
+    assert amplifiers - low == {"PA8"}
