@@ -83,6 +83,7 @@ class Verdicts:
         if key not in self._found:
             self._found[key] = find(mutant)
             if self._file is not None:
+                self._file.parent.mkdir(parents=True, exist_ok=True)
                 with self._file.open("a", encoding="utf-8") as out:
                     out.write(json.dumps([key, self._found[key]]) + "\n")
         return self._found[key]
