@@ -60,8 +60,8 @@ validate: $(STAMP) ## the long forms, with their figures written to docs/validat
 	@PATH="$(CURDIR)/$(BIN):$$PATH" scripts/validate_recording.sh
 	$(BIN)/pytest -m slow -q
 	scripts/firmware_fuzz.sh -max_total_time=60
-	$(BIN)/python bench/firmware_mutants.py run --jobs 2 --lists board --markdown docs/validation/mutants.md
-	$(BIN)/python bench/firmware_mutants.py run --jobs 2 --lists life --markdown docs/validation/mutants_life.md
+	$(BIN)/python bench/firmware_mutants.py run --jobs 2 --lists board --kept build/mutants.jsonl --markdown docs/validation/mutants.md
+	$(BIN)/python bench/firmware_mutants.py run --jobs 2 --lists life --kept build/mutants.jsonl --markdown docs/validation/mutants_life.md
 	$(BIN)/python scripts/validate/first_paper.py
 	$(BIN)/python scripts/validate/tables_residual.py
 	$(BIN)/python bench/cutoff.py 30 --markdown docs/validation/cutoff.md
