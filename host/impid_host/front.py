@@ -80,8 +80,8 @@ holds setup.toml
         """
         chain = default_chain(self)
         options = Options(chain=chain, terms=with_terms, split=Split(validate_s))
-        result, twice, checks = fitted(self, options, check_study(self))
-        return Fitted(self, result, checks, twice, chain)
+        first = fitted(self, options, check_study(self))
+        return Fitted(self, first.fit, first.checks, first.agreement, chain, first.pushes)
 
     def diagnose(self, *, cutoff_hz: float | None = None) -> Diagnosed:
         """Find what the first model lacks, add it, judge it on data that took no part. Takes a minute or so.

@@ -2,10 +2,11 @@
 
 import html
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from impid_host.checks import Agreement, Checks
+from impid_host.checks.pushes import Pushes
 from impid_host.diagnosis.result import Diagnosis
 from impid_host.diagnosis.verdict import beside_checks
 from impid_host.errors import InputError
@@ -15,6 +16,7 @@ from impid_host.impedance.force import force_series
 from impid_host.impedance.identify import RobotFit
 from impid_host.report.diagnosis_json import diagnosis_json
 from impid_host.report.fit_json import fit_json
+from impid_host.report.fit_parts import Besides
 from impid_host.report.page.findings import Findings
 from impid_host.report.sessions_json import sessions_json
 from impid_host.signals.chain import Chain
@@ -42,7 +44,8 @@ class Fitted:
 
     Attributes:
         result: the estimates, with their covariances; checks: what to make of them;
-        agreement: what was measured twice; chain: the signal chain.
+        agreement: what was measured twice; chain: the signal chain;
+        pushes: stretches unlike the rest of their trial, and the fit without them.
     """
 
     study: Study
@@ -50,6 +53,7 @@ class Fitted:
     checks: Checks
     agreement: Agreement
     chain: Chain
+    pushes: Pushes = field(default_factory=Pushes)
 
     @property
     def trusted(self) -> bool:
@@ -108,7 +112,8 @@ class Fitted:
 
     def to_dict(self) -> Json:
         """What `impid-host fit --json` writes, format impid-fit/1."""
-        document = fit_json(self.result, checks=self.checks, measured_twice=self.agreement)
+        besides = Besides(self.pushes, self.agreement)
+        document = fit_json(self.result, besides, checks=self.checks)
         return document | sessions_json(self.study)
 
     def summary(self) -> str:
@@ -128,7 +133,10 @@ class Fitted:
     def _repr_html_(self) -> str:
         from impid_host.report.page.tables import fit_tables  # noqa: PLC0415
 
-        found = Findings(self.study, self.checks, self.checks, self.agreement, self.result, None, "")
+        checks = self.checks
+        found = Findings(
+            self.study, checks, checks, self.agreement, self.result, None, "", pushes=self.pushes
+        )
         return _html("", self.checks, fit_tables(found))
 
 

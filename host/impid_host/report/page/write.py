@@ -14,12 +14,14 @@ from impid_host.report.page import tables
 from impid_host.report.page.bode_plots import bode_plots
 from impid_host.report.page.findings import Findings
 from impid_host.report.page.load_plots import ellipse_plots, force_plots
-from impid_host.report.page.plot import Plot
+from impid_host.report.page.plot import Plot, Span
 from impid_host.report.page.provenance import provenance, sessions
 from impid_host.report.page.quality import quality_table
 from impid_host.report.page.residual_plots import (
+    event_spans,
     fit_residual_plots,
     leftover_plots,
+    push_spans,
     residual_plots,
     signature_plots,
 )
@@ -97,6 +99,7 @@ def _all(findings: Findings, command: Sequence[str]) -> list[Section]:
             "By the first model",
             "What a fit without the effects found would have reported, by each force sensor.",
             tuple(tables.fit_tables(findings)),
+            words=tables.fit_words(findings),
         ),
         _effects(findings),
         Section(
@@ -104,7 +107,11 @@ def _all(findings: Findings, command: Sequence[str]) -> list[Section]:
             "What the model leaves. Good: a band as thin as the noise, the same everywhere. Slow waves, "
             "steps at turning points and stretches unlike the rest are things that the model lacks.",
             plots=tuple(
-                residual_plots(answer) if answer is not None else fit_residual_plots(fit) if fit else ()
+                residual_plots(answer)
+                if answer is not None
+                else fit_residual_plots(fit, findings.pushes)
+                if fit
+                else ()
             ),
             words=notes,
         ),
@@ -117,7 +124,7 @@ def _all(findings: Findings, command: Sequence[str]) -> list[Section]:
         Section(
             "Force, estimated and measured",
             "The virtual sensor's force beside the physical sensor's, or, without one, the load model's.",
-            plots=tuple(force_plots(fit, notes) if fit else ()),
+            plots=tuple(force_plots(fit, lambda trial: _events(findings, trial)) if fit else ()),
         ),
         Section(
             "Frequency response",
@@ -127,6 +134,13 @@ def _all(findings: Findings, command: Sequence[str]) -> list[Section]:
         Section("Data quality", "", (tables.of_terminal(quality_table(findings.study, fit)),)),
         Section("Provenance", "", (tables.provenance_table(provenance(findings, command)),), shut=True),
     ]
+
+
+def _events(findings: Findings, trial: str) -> list[Span]:
+    """Stretches unlike the rest: the diagnosis' where there is one, else the fit's."""
+    if findings.diagnosis is not None:
+        return event_spans(findings.diagnosis.notes, trial)
+    return push_spans(findings.pushes, trial)
 
 
 def _effects(findings: Findings) -> Section:
