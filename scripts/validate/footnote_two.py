@@ -111,10 +111,26 @@ def resonance_hz(capstan_Nm_rad: float) -> float:
     return float(np.sqrt(capstan_Nm_rad / np.linalg.eigvalsh(inertia + J.T @ J)[-1]) / (2 * np.pi))
 
 
+@dataclass(frozen=True)
+class Record:
+    """One trial as recorded: angles read, specific force along the sensor's axes, torques, (N, 2) each."""
+
+    t: np.ndarray
+    read: np.ndarray
+    felt: np.ndarray
+    tau: np.ndarray
+    free: bool
+
+
 def trial(
     rng: np.random.Generator, condition: Condition, source: AccelerationSource, load: Sequence[float] | None
 ) -> AlignedTrial:
     """One recorded trial, 40 deg free or 10 deg loaded, through the condition's chain."""
+    return prepared(recorded(rng, condition, load), source, condition)
+
+
+def recorded(rng: np.random.Generator, condition: Condition, load: Sequence[float] | None) -> Record:
+    """What the condition leaves of one trial, 40 deg free or 10 deg loaded."""
     t = np.arange(int(condition.rate_Hz * DURATION_S)) / condition.rate_Hz
     w, phase = 2 * np.pi * rng.uniform(0.05, condition.band_Hz, (2, 10)), rng.uniform(0, 2 * np.pi, (2, 10))
     angle = t[:, None, None] * w + phase
@@ -136,9 +152,7 @@ def trial(
     if condition.counts_per_rev:
         step = 2 * np.pi / condition.counts_per_rev
         read = np.floor(read / step) * step
-    return _prepared(
-        t, read, felt, tau + rng.normal(0, TORQUE_NM, tau.shape), source, condition, load is None
-    )
+    return Record(t, read, felt, tau + rng.normal(0, TORQUE_NM, tau.shape), load is None)
 
 
 def _turned(values: np.ndarray, angle: np.ndarray) -> np.ndarray:
@@ -147,15 +161,9 @@ def _turned(values: np.ndarray, angle: np.ndarray) -> np.ndarray:
     return np.stack([c * values[:, 0] - s * values[:, 1], s * values[:, 0] + c * values[:, 1]], axis=1)
 
 
-def _prepared(
-    t: np.ndarray,
-    read: np.ndarray,
-    felt: np.ndarray,
-    tau: np.ndarray,
-    source: AccelerationSource,
-    condition: Condition,
-    free: bool,
-) -> AlignedTrial:
+def prepared(record: Record, source: AccelerationSource, condition: Condition) -> AlignedTrial:
+    """A record through the condition's chain."""
+    t, read, felt, tau, free = record.t, record.read, record.felt, record.tau, record.free
     chain = condition.signal_chain()
     rate_hz = condition.rate_Hz
     theta, omega = chain.value(read, rate_hz), chain.derivative(read, rate_hz)

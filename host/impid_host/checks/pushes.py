@@ -23,6 +23,7 @@ from impid_host.signals.arrays import Floats, Mask
 from impid_host.study.model import Study
 
 MARGIN_S = 1.0  # left out around a push, as `diagnose` does: the filters remember it
+_MEDIAN_OF_SQUARES = 0.4549  # of standard normal numbers
 _LEAST_ROWS = 20  # of a stretch between gaps; in fewer there is no block to judge
 
 
@@ -110,9 +111,19 @@ def _events(fit: StudyFit) -> list[Event]:
     keys = {run.key for run in runs}
     taps = {key: autoregression([run.target for run in runs if run.key == key]) for key in keys}
     white = whitened(runs, taps)
+    # A push swells the variance of the one channel that feels it; each counts by its ordinary rows.
+    usual = {key: _usual_variance([run.target for run in white if run.key == key]) for key in keys}
     # The finder reads a trial's name, time and speed, and nothing else of a view.
     motions = [_Motion(trial.name, trial.elapsed, trial.omega) for trial in fit.trials]
-    return events(white, [run.target for run in white], cast(Sequence[View], motions))
+    left = [run.target / np.sqrt(usual[run.key]) for run in white]
+    return events(white, left, cast(Sequence[View], motions))
+
+
+def _usual_variance(innovations: Sequence[Floats]) -> float:
+    """Of normal noise whose squares have this median: rows of a push are too few to move it."""
+    if not innovations:
+        return 1.0
+    return max(float(np.median(np.concatenate(innovations) ** 2)) / _MEDIAN_OF_SQUARES, 1e-300)
 
 
 @dataclass(frozen=True, slots=True)
