@@ -111,7 +111,7 @@ def _docstring(text: str) -> str:
 
 
 def _run_cell(part: str, space: dict[str, Any], path: Path, *, opening: bool) -> Cell:
-    words, code = ("", part) if opening else part.split("\n", 1)
+    words, code = ("", part) if opening else _sentence(part)
     tree = ast.parse(code)
     last = tree.body.pop() if tree.body and isinstance(tree.body[-1], ast.Expr) else None
     printed = io.StringIO()
@@ -122,6 +122,13 @@ def _run_cell(part: str, space: dict[str, Any], path: Path, *, opening: bool) ->
             value = eval(compile(ast.Expression(last.value), str(path), "eval"), space)
     shown = value._repr_html_() if hasattr(value, "_repr_html_") else ""
     return Cell(words.strip(), code.strip(), printed.getvalue(), shown, tuple(_figures()))
+
+
+def _sentence(part: str) -> tuple[str, str]:
+    """The words of a cell's first comment, and its code."""
+    lines = part.split("\n")
+    count = next((k for k, line in enumerate(lines[1:], start=1) if not line.startswith("# ")), len(lines))
+    return " ".join(line.removeprefix("# ").strip() for line in lines[:count]), "\n".join(lines[count:])
 
 
 def _figures() -> list[bytes]:

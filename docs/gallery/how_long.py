@@ -1,7 +1,7 @@
 """How long must a trial be?
 
-The half width of an interval falls with the square root of the trial's length, once the trial is long against
-the motion. Here the same study is cut to less and less of its 20 s.
+For a long trial the half width of an interval falls with the square root of its length; while the trial is
+short against the slowest part of the motion, faster. Here the same study is cut to less and less of its 20 s.
 """
 
 from dataclasses import replace
@@ -28,12 +28,13 @@ for seconds in lengths:
     halves.append(half)
     print(f"{seconds:>2} s: Kxx ± {half[0]:.2f}, Kyy ± {half[1]:.2f} N/m, M ± {half[2]:.4f} kg")
 
-# %% Dashed: one over the square root of the length.
+# %% Dashed: one over the square root of the length, through the last point.
 
 kxx = np.array(halves)[:, 0]
 plt.figure(figsize=(6, 3.2))
-plt.loglog(lengths, kxx, "o-", label="half width of Kxx")
-plt.loglog(lengths, kxx[-1] * np.sqrt(lengths[-1] / np.array(lengths)), "--", label="1/√length")
+plt.plot(lengths, kxx, "o-", label="half width of Kxx")
+plt.plot(lengths, kxx[-1] * np.sqrt(lengths[-1] / np.array(lengths)), "--", label="1/√length")
 plt.xlabel("length of each trial (s)")
 plt.ylabel("95 % half width (N/m)")
+plt.ylim(bottom=0)
 plt.legend()

@@ -32,7 +32,8 @@ for name, own in (("as fitted", load), ("without it", load["without_events"])):
         f"{name:>10}:", ", ".join(f"{key} {K[i, j]:.1f} ± {half[i, j]:.1f}" for key, i, j in entries), "N/m"
     )
 
-# %% What the model leaves of the whole trial. An even band would be good; the hump is the push.
+# %% What the model leaves of the whole trial. An even band about zero would be good: the hump
+# is the push, and the rest lies beside zero because the fit gave way to it.
 
 series = fitted.result.loads[0].series[0]
 plt.figure(figsize=(8, 3))

@@ -5,6 +5,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
+from impid_host.arrays_out import diagnosis_dataset, fit_dataset
 from impid_host.checks import Agreement, Checks
 from impid_host.checks.pushes import Pushes
 from impid_host.diagnosis.result import Diagnosis
@@ -24,6 +25,7 @@ from impid_host.study.model import Study
 
 if TYPE_CHECKING:
     import pandas as pd
+    import xarray as xr
 
 Json = dict[str, Any]
 _ROW = ("where", "parameter", "value", "low", "high", "unit")
@@ -41,6 +43,12 @@ class Fitted:
     'kg*m^2'
     >>> print(fitted.summary().splitlines()[0])  # doctest: +ELLIPSIS
     robot/parameters alpha1: 0.06... ± ... kg*m^2
+    >>> fitted.trusted, fitted.loads["spring"]["model"]
+    (True, 'mass-spring')
+    >>> fitted.to_dict()["format"]
+    'impid-fit/1'
+    >>> fitted.pushes.found  # nobody pushed
+    ()
 
     Attributes:
         result: the estimates, with their covariances; checks: what to make of them;
@@ -130,6 +138,24 @@ class Fitted:
         """
         return frame(_rows(self.to_dict()), _ROW)
 
+    def to_xarray(self) -> "xr.Dataset":
+        """M, B, K by load, sensor, row and column, x0 and the robot's alpha, with `_low` and `_high` (95 %).
+
+        `sensor` is "virtual" (Method 1) or "physical" (Method 2); `row` and `column` are the base frame's axes;
+        a variable's unit is its attribute `units`; NaN where a load has no such number.
+
+        >>> from impid_host import example_study
+        >>> data = example_study().fit().to_xarray()
+        >>> data.K.dims, data.K.units
+        (('load', 'sensor', 'row', 'column'), 'N/m')
+        >>> round(float(data.K.sel(load="spring", sensor="virtual", row="x", column="x")))
+        420
+
+        Raises:
+            ImportError: xarray is not installed; names the extra that brings it.
+        """
+        return fit_dataset(self.to_dict())
+
     def _repr_html_(self) -> str:
         from impid_host.report.page.tables import fit_tables  # noqa: PLC0415
 
@@ -148,8 +174,19 @@ class Diagnosed:
     >>> diagnosed = example_study().diagnose()
     >>> diagnosed.verdict.startswith("nothing is missing")
     True
-    >>> diagnosed.effects
-    []
+    >>> diagnosed.effects, diagnosed.trusted
+    ([], True)
+    >>> print(diagnosed.summary().splitlines()[1])  # doctest: +ELLIPSIS
+    alpha[0]: 0.06... ± ...
+    >>> diagnosed.to_dict()["format"]
+    'impid-diagnosis/1'
+    >>> diagnosed.to_pandas().stage.unique().tolist()
+    [0]
+    >>> data = diagnosed.to_xarray()
+    >>> data.K.dims, data.stage.values.tolist()
+    (('stage', 'load', 'row', 'column'), ['first model'])
+    >>> bool(data.validation_rms.sel(channel="tau1")[0] < 0.01)  # N*m
+    True
 
     Attributes:
         result: stages, what is left, ties, residuals; checks: what to make of them.
@@ -191,6 +228,17 @@ class Diagnosed:
             for row in _rows(stage["parameters"])
         ]
         return frame(rows, ("stage", *_ROW))
+
+    def to_xarray(self) -> "xr.Dataset":
+        """M, B, K and x0 by stage and load, as `Fitted.to_xarray`, alpha by stage, and errors by channel.
+
+        `validation_rms` (stage, channel) is the error on data that took no part, N*m for tau and N for f and
+        fs, beside `noise_floor` (channel); the coordinate `stage` names what each stage added.
+
+        Raises:
+            ImportError: xarray is not installed; names the extra that brings it.
+        """
+        return diagnosis_dataset(self.to_dict())
 
     def _repr_html_(self) -> str:
         from impid_host.report.page.tables import diagnosis_tables, effects  # noqa: PLC0415
