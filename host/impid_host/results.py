@@ -141,7 +141,7 @@ class Fitted:
     def to_xarray(self) -> "xr.Dataset":
         """M, B, K by load, sensor, row and column, x0 and the robot's alpha, with `_low` and `_high` (95 %).
 
-        `sensor` is "virtual" (Method 1) or "physical" (Method 2); `row` and `column` are the base frame's axes;
+        `sensor` is "virtual" (Method 1) or "physical" (Method 2); `row` and `column` the base frame's axes;
         a variable's unit is its attribute `units`; NaN where a load has no such number.
 
         >>> from impid_host import example_study

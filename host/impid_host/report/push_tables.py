@@ -8,7 +8,7 @@ from rich.table import Table
 from impid_host.checks.pushes import MARGIN_S, Pushes
 from impid_host.impedance.campaign import StudyFit
 from impid_host.impedance.identify import RobotFit
-from impid_host.report.fit_tables import METHODS, plus_minus
+from impid_host.report.fit_tables import METHODS, number, plus_minus
 from impid_host.report.parameter_entries import parameter_entries
 from impid_host.signals.arrays import Floats
 
@@ -77,4 +77,9 @@ def _table(what: str, methods: Sequence[str], *, caption: bool = True) -> Table:
 
 
 def _cells(value: float, ci: Floats, rest: float, rest_ci: Floats) -> tuple[str, str, str]:
-    return plus_minus(value, ci), plus_minus(rest, rest_ci), f"{value - rest:+.2g}"
+    change = number(value - rest, ci)
+    return (
+        plus_minus(value, ci),
+        plus_minus(rest, rest_ci),
+        change if change.startswith("-") else f"+{change}",
+    )

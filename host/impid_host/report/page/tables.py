@@ -1,5 +1,6 @@
 """The terminal's tables for the page, and two that only the page has."""
 
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import zip_longest
@@ -40,8 +41,13 @@ def of_terminal(table: Table) -> PageTable:
     )
 
 
+_UNIT = re.compile(r"[A-Za-z]+(?:[*/^][A-Za-z0-9]+)+")
+
+
 def _plain(cell: object) -> str:
-    return "" if cell is None else str(cell).replace(" +- ", " ± ").replace("+- ", "± ")
+    """A cell of the terminal as people print it: kg·m² for kg*m^2, ± for +-."""
+    text = "" if cell is None else str(cell).replace(" +- ", " ± ").replace("+- ", "± ")
+    return text.replace("*", "·").replace("^2", "²") if _UNIT.fullmatch(text) else text
 
 
 def result_table(diagnosis: Diagnosis, units: Mapping[str, str]) -> Table:
@@ -55,7 +61,8 @@ def result_table(diagnosis: Diagnosis, units: Mapping[str, str]) -> Table:
     table = Table(title="Result: the last model")
     for head in ("", "value", "± (95 %)", *(f"of it by\n{cause}" for cause in causes), "unit"):
         table.add_column(head, justify="left" if head in ("", "unit") else "right")
-    for entry in entries_of(stage):
+    # The arm before the robot: it is what was asked for.
+    for entry in sorted(entries_of(stage), key=lambda each: each.load == ""):
         ci = np.array([entry.value - entry.half, entry.value + entry.half])
         parts = [entry.parts.get(cause) for cause in causes]
         table.add_row(
