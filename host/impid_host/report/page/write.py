@@ -141,7 +141,7 @@ def _results(findings: Findings) -> list[Section]:
     letters = "M is inertia, B damping, K stiffness, x0 the place of rest; alpha are the robot's parameters."
     fitted, words = tuple(tables.fit_tables(findings)), tables.fit_words(findings)
     if findings.diagnosis is None:
-        return [Section("Result", letters, fitted, words=(*findings.missing, *words))]
+        return [Section("Result", letters, fitted, words=words)]  # why no more stands in the opening
     about = "What a fit without the effects found would have reported, by each force sensor."
     return [
         Section("Result", letters, tuple(tables.diagnosis_tables(findings)), words=findings.missing),
