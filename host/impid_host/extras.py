@@ -19,6 +19,7 @@ EXTRAS = {
     "pyxdf": "xdf",
     "rosbags": "ros",
     "simpleeval": "import",
+    "xarray": "xarray",
 }
 
 

@@ -32,18 +32,8 @@ OF_THE_SIMULATOR = ("hil_sim", "cffi", "_cffi_backend", "unicorn", "elftools")
 ENVIRONMENT = {**os.environ, "PYTHONPATH": f"{ROOT / 'host'}{os.pathsep}{ROOT}"}
 OPTIONAL = (
     *OF_THE_SIMULATOR,
-    *(
-        "aiohttp",
-        "can",
-        "cantools",
-        "h5py",
-        "msgpack",
-        "pandas",
-        "pinocchio",
-        "pint",
-        "rosbags",
-        "simpleeval",
-    ),
+    *("aiohttp", "asammdf", "can", "cantools", "ezc3d", "h5py", "msgpack", "pandas", "pinocchio"),
+    *("pint", "pyxdf", "rosbags", "simpleeval", "xarray"),
 )
 # What drives an optional library by design.
 DRIVERS = {"impid_host.view.server", "impid_host.link.can_bus", "impid_host.recording.export.can_log"}

@@ -10,14 +10,15 @@ from rich.console import Console
 
 from impid_host.checks import Agreement, Checks, agreement, check_study
 from impid_host.checks.of_fit import gate_fit
+from impid_host.checks.pushes import Pushes, find_pushes
 from impid_host.cli.checked import IMPOSSIBLE, refused, unconfirmed
 from impid_host.errors import UndeterminedError
 from impid_host.impedance.campaign import Options, Progress, StudyFit, default_chain, fit_study
 from impid_host.impedance.identify import LoadFit
-from impid_host.impedance.joint_space import JointImpedance, Limb, joint_impedance
+from impid_host.impedance.joint_space import Limb, joint_impedance
 from impid_host.impedance.rows import Split
-from impid_host.report.check_tables import agreement_table, print_above, print_below
-from impid_host.report.fit_page import print_fit
+from impid_host.report.check_tables import print_above, print_below
+from impid_host.report.fit_parts import Besides, print_fit
 from impid_host.report.wide_console import table_console
 from impid_host.signals.chain import CHAINS, DEFAULT, Chain
 from impid_host.study.model import Study
@@ -66,19 +67,21 @@ def run(study: Study, wishes: Wishes) -> None:
             status.update("drawing")
             from impid_host.report.fit_figures import draw_study  # noqa: PLC0415  (matplotlib is slow to import)
 
-            drawn = f"{len(draw_study(answer.result, wishes.figures))} figures in {wishes.figures}"
+            drawn = (
+                f"{len(draw_study(answer.result, wishes.figures, answer.pushes))} figures in {wishes.figures}"
+            )
     _save(wishes.save_model, answer.result, study, options)
-    extras = _extras(study, answer.result, wishes)
+    besides = _besides(study, answer, wishes)
     for line in [] if answer.provenance is None else answer.provenance.warnings:
         click.echo(line, err=True)
     if json_to != "-":
-        _show(answer, extras, unconfirmed(study))
+        _show(answer, besides, unconfirmed(study))
         if drawn is not None:
             click.echo(drawn)
     if json_to is not None:
         from impid_host.report.sessions_json import sessions_json  # noqa: PLC0415
 
-        _write(json.dumps(_document(answer, extras) | sessions_json(study), indent=2), json_to)
+        _write(json.dumps(_document(answer, besides) | sessions_json(study), indent=2), json_to)
     if answer.checks.impossible:
         raise SystemExit(IMPOSSIBLE)
 
@@ -91,15 +94,7 @@ class _Answer:
     provenance: "Provenance | None"
     checks: Checks
     measured_twice: Agreement
-
-
-@dataclass(frozen=True)
-class _Extras:
-    """What was asked for besides."""
-
-    reflexes: "dict[str, tuple[ReflexFit, Band]]"
-    tight: "list[Constrained]"
-    joints: list[JointImpedance]
+    pushes: Pushes
 
 
 def _answer(
@@ -128,56 +123,43 @@ def _answer(
         refused(study, checks, error, wishes.json_to)
     twice = agreement(study, result.loads)
     checks = checks.with_more(gate_fit(result, effects)).with_more(twice.checks)
-    return _Answer(result, provenance, checks, twice)
+    progress("looking for pushes")
+    return _Answer(result, provenance, checks, twice, find_pushes(study, result, options))
 
 
-def _extras(study: Study, result: StudyFit, wishes: Wishes) -> _Extras:
+def _besides(study: Study, answer: _Answer, wishes: Wishes) -> Besides:
     handle = study.setup.handle_mass_kg
-    arms = [fit for fit in result.loads if fit.model.name == "arm" and len(fit.model.axes) == 2]
+    arms = [fit for fit in answer.result.loads if fit.model.name == "arm" and len(fit.model.axes) == 2]
     joints = []
     if wishes.limb is not None:
         lengths, shoulder, side = wishes.limb
         joints = [joint_impedance(fit, Limb(*lengths, shoulder, side), handle) for fit in arms]
-    return _Extras(
-        reflexes=_reflexes(result, wishes.held_out_s) if wishes.reflex else {},
-        tight=_constrained(arms, handle) if wishes.constrain else [],
+    return Besides(
+        pushes=answer.pushes,
+        agreement=answer.measured_twice,
+        constrained=_constrained(arms, handle) if wishes.constrain else [],
         joints=joints,
+        reflexes=_reflexes(answer.result, wishes.held_out_s) if wishes.reflex else {},
     )
 
 
-def _show(answer: _Answer, extras: _Extras, assumption: str) -> None:
+def _show(answer: _Answer, besides: Besides, assumption: str) -> None:
     console = table_console()
     print_above(console, answer.checks)
     for line in [] if answer.provenance is None else answer.provenance.lines:
         click.echo(line)
-    print_fit(console, answer.result, extras.tight, extras.joints, marked=not answer.checks.trusted)
-    if extras.reflexes:
-        from impid_host.report.reflex_report import reflex_table  # noqa: PLC0415
-
-        console.print(reflex_table(extras.reflexes))
-    if answer.measured_twice.pairs:
-        console.print(agreement_table(answer.measured_twice))
+    print_fit(console, answer.result, besides, marked=not answer.checks.trusted)
     print_below(console, answer.checks)
     if assumption:
         click.echo(assumption)
 
 
-def _document(answer: _Answer, extras: _Extras) -> "Json":
+def _document(answer: _Answer, besides: Besides) -> "Json":
     from impid_host.report.fit_json import fit_json  # noqa: PLC0415  (where somebody asks for it)
 
-    document = fit_json(
-        answer.result,
-        constrained=extras.tight,
-        joints=extras.joints,
-        checks=answer.checks,
-        measured_twice=answer.measured_twice,
-    )
+    document = fit_json(answer.result, besides, checks=answer.checks)
     if answer.provenance is not None:
         document["model"] = asdict(answer.provenance)
-    if extras.reflexes:
-        from impid_host.report.reflex_report import reflex_json  # noqa: PLC0415
-
-        document["reflex"] = reflex_json(extras.reflexes)
     return document
 
 
