@@ -9,10 +9,13 @@ from impid_host.errors import ImpidError
 # package -> the extra of pyproject.toml that brings it
 EXTRAS = {
     "aiohttp": "view",
+    "can": "can",
     "h5py": "mat",
     "pandas": "pandas",
     "pinocchio": "urdf",
+    "pint": "import",
     "rosbags": "ros",
+    "simpleeval": "import",
     "xarray": "xarray",
 }
 

@@ -4,7 +4,6 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 
 import numpy as np
-from scipy import signal
 
 from impid_host.effects.effect import (
     Effect,
@@ -18,6 +17,7 @@ from impid_host.effects.effect import (
 )
 from impid_host.effects.view import Columns, View, advanced, rate_of
 from impid_host.signals.arrays import Floats
+from impid_host.signals.recursive import first_order, recursive
 
 _MAX_DELAY_S = 0.1
 
@@ -167,9 +167,7 @@ def _low_passed(values: Floats, time_constant_s: float, dt: float) -> Floats:
     """First-order lag (N, k), at rest at its first value: (1 + T d/dt) result = values."""
     if time_constant_s <= 0.0:
         return values
-    b, a = signal.bilinear([1.0], [time_constant_s, 1.0], 1.0 / dt)
-    start = signal.lfilter_zi(b, a)[:, None] * values[:1]
-    return np.asarray(signal.lfilter(b, a, values, axis=0, zi=start)[0], dtype=np.float64)
+    return recursive(first_order(0.5 * dt / time_constant_s)[None], values, settled=True)
 
 
 def _delay_rows(name: str) -> Callable[[Setting], list[Term]]:
