@@ -22,11 +22,15 @@ from impid_host.impedance.constrained import constrain as constrain_matrices
 from impid_host.impedance.joint_space import JointImpedance, Limb, joint_impedance
 from impid_host.impedance.reflex import Band, ReflexFit, fit_trial_reflex
 from impid_host.impedance.rows import Split
+from impid_host.impedance.varying.campaign import vary_study
+from impid_host.impedance.varying.fit import VaryingFit
+from impid_host.impedance.varying.schedule import Schedule
 from impid_host.report.check_tables import agreement_table, print_above, print_below
 from impid_host.report.fit_json import Json, fit_json
 from impid_host.report.fit_page import print_fit
 from impid_host.report.reflex_report import reflex_json, reflex_table
 from impid_host.report.sessions_json import sessions_json
+from impid_host.report.varying_report import varying_json, varying_table
 from impid_host.report.wide_console import table_console
 from impid_host.robot.terms import TERMS
 from impid_host.signals.chain import CHAINS, DEFAULT, Chain
@@ -104,6 +108,12 @@ REFLEX = "load.delay"
 @click.option(
     "--physical", is_flag=True, help="Also give the robot's links inertias that a body can have (URDF)."
 )
+@click.option(
+    "--varying",
+    metavar="time|posture|since:COLUMN|COLUMN",
+    help="Also give K, B and x0 as curves with 95 % bands: over time (each trial by itself), over the slow "
+    "part of the posture, over a column of robot.csv, or over the time since a column last rose.",
+)
 @click.option("--constrain", is_flag=True, help="Also give M and K of arms symmetric and positive definite.")
 @click.option("--limb", type=PAIR, metavar="UPPER,FORE", help="Limb lengths, m: also give joint impedance.")
 @click.option("--shoulder", type=PAIR, metavar="X,Y", help="Where the shoulder is, m, in the robot's frame.")
@@ -127,6 +137,7 @@ def command(
     saved_robot: bool,
     save_model: Path | None,
     physical: bool,
+    varying: str | None,
     constrain: bool,
     limb: tuple[float, float] | None,
     shoulder: tuple[float, float] | None,
@@ -147,6 +158,7 @@ def command(
       impid-host fit study/ --json result.json --figures figures/
       impid-host fit panda/ --with friction.coulomb --with actuator.offset --physical
       impid-host fit arm_study/ --constrain --limb 0.30,0.33 --shoulder 0.37,-0.50
+      impid-host fit arm_study/ --varying time --figures figures/
       impid-host fit next_study/ --model model.json
       impid-host fit study/ --save-model plain.json
       impid-host fit ankle/ --with load.delay --cutoff 40 --validate 20
@@ -155,7 +167,8 @@ def command(
     geometry = _limb(limb, shoulder, side)
     if save_model is not None and model_file is not None:
         raise click.UsageError("--save-model writes a model without effects: leave --model out")
-    study = load_inputs(paths, robot_log, setup)
+    schedule = None if varying is None else Schedule(varying)
+    study = load_inputs(paths, robot_log, setup, _columns(schedule))
     row = _chain(study, chain, cutoff)
     own_terms = tuple(term for term in terms if term != REFLEX)
     options = Options(row, acceleration, own_terms, Split(validate), physical)
@@ -164,17 +177,24 @@ def command(
     drawn = None
     with errors.status("checking") as status:
         answer = _answer(study, options, saved, status.update, keep_robot=saved_robot, json_to=json_to)
+        curves = () if schedule is None else vary_study(study, answer.result, row, schedule, status.update)
         if figures is not None:
             status.update("drawing")
             from impid_host.report.fit_figures import draw_study  # noqa: PLC0415  (matplotlib is slow to import)
 
-            drawn = f"{len(draw_study(answer.result, figures))} figures in {figures}"
+            paths_drawn = draw_study(answer.result, figures)
+            if curves:
+                from impid_host.report.varying_figure import draw_varying  # noqa: PLC0415
+
+                paths_drawn += draw_varying(curves, answer.result.loads, figures)
+            drawn = f"{len(paths_drawn)} figures in {figures}"
     _save(save_model, answer.result, study, options)
     handle = study.setup.handle_mass_kg
     arms = [fit for fit in answer.result.loads if fit.model.name == "arm" and len(fit.model.axes) == 2]
     extras = _Extras(
         reflexes=_reflexes(answer.result, validate) if REFLEX in terms else {},
         tight=[constrain_matrices(fit, handle) for fit in arms] if constrain else [],
+        curves=curves,
         joints=[] if geometry is None else [joint_impedance(fit, geometry, handle) for fit in arms],
     )
     for line in [] if answer.provenance is None else answer.provenance.warnings:
@@ -205,6 +225,7 @@ class _Extras:
 
     reflexes: dict[str, tuple[ReflexFit, Band]]
     tight: list[Constrained]
+    curves: tuple[VaryingFit, ...]
     joints: list[JointImpedance]
 
 
@@ -246,6 +267,9 @@ def _show(answer: _Answer, extras: _Extras, assumption: str) -> None:
     print_fit(console, answer.result, extras.tight, extras.joints, marked=not answer.checks.trusted)
     if extras.reflexes:
         console.print(reflex_table(extras.reflexes))
+    if extras.curves:
+        for own in extras.curves:
+            console.print(varying_table(own))
     if answer.measured_twice.pairs:
         console.print(agreement_table(answer.measured_twice))
     print_below(console, answer.checks)
@@ -263,9 +287,16 @@ def _document(answer: _Answer, extras: _Extras) -> Json:
     )
     if answer.provenance is not None:
         document["model"] = asdict(answer.provenance)
+    if extras.curves:
+        document["varying"] = varying_json(extras.curves)
     if extras.reflexes:
         document["reflex"] = reflex_json(extras.reflexes)
     return document
+
+
+def _columns(schedule: Schedule | None) -> tuple[str, ...]:
+    own = None if schedule is None else schedule.column
+    return () if own is None or own == "sync" else (own,)
 
 
 def _chain(study: Study, name: str, cutoff: float | None) -> Chain:
