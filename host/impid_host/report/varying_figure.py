@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from impid_host.impedance.identify import LoadFit
 from impid_host.impedance.varying.fit import VaryingFit
 from impid_host.report.style import STYLE
-from impid_host.report.varying_report import group_of
+from impid_host.report.varying_report import group_of, shown_in
 
 _CURVE, _CONSTANT = "#0072b2", "#d55e00"
 
@@ -40,18 +40,21 @@ def varying_figure(fit: VaryingFit, constant: LoadFit | None = None) -> Figure:
     for line, row in zip(panels, rows, strict=True):
         for panel, name in zip(line, row, strict=False):
             own = fit.curves[name]
-            panel.fill_between(fit.places, own.low, own.high, color=_CURVE, alpha=0.22, lw=0)
-            panel.plot(fit.places, own.value, color=_CURVE)
+            scale, unit = shown_in(own.unit)
+            panel.fill_between(fit.places, scale * own.low, scale * own.high, color=_CURVE, alpha=0.22, lw=0)
+            panel.plot(fit.places, scale * own.value, color=_CURVE, label="curve, band of 95 %")
             if name in flat:
-                panel.axhline(flat[name], color=_CONSTANT, ls="--", lw=0.9)
+                panel.axhline(scale * flat[name], color=_CONSTANT, ls="--", lw=0.9, label="as a constant")
+            panel.ticklabel_format(useOffset=False)
             one = next(a for a in fit.asked if a.group == group_of(name))
             word = "changes" if one.group in fit.claimed else "constant will do"
             panel.set_title(f"{name}: {word}" if name == row[0] else name)
-            panel.set_ylabel(own.unit.replace("*", " "))
+            panel.set_ylabel(unit.replace("*", " "))
         for panel in line[len(row) :]:
             panel.set_axis_off()
     for panel in panels[-1]:
         panel.set_xlabel(f"{fit.by} ({fit.unit})" if fit.unit else fit.by)
+    figure.legend(*panels[0][0].get_legend_handles_labels(), loc="outside lower right", ncols=2)
     return figure
 
 

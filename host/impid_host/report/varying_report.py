@@ -8,6 +8,7 @@ from rich.table import Table
 
 from impid_host.impedance.varying.bands import Band
 from impid_host.impedance.varying.fit import VaryingFit
+from impid_host.report.fit_tables import plus_minus
 
 _METHODS = {"virtual sensor": "method1", "physical sensor": "method2"}
 _EFFECTS = {"K": "load.time_varying@load", "B": "load.time_varying@load", "x0": "load.drift@load"}
@@ -21,6 +22,11 @@ def effects(fit: VaryingFit) -> list[str]:
 def group_of(name: str) -> str:
     """K, B or x0 for a curve's name."""
     return "x0" if name.endswith("0") else name[0].upper()
+
+
+def shown_in(unit: str) -> tuple[float, str]:
+    """Factor and unit for people: places in millimetres."""
+    return (1e3, "mm") if unit == "m" else (1.0, unit)
 
 
 def varying_line(fit: VaryingFit) -> str:
@@ -46,10 +52,12 @@ def varying_table(fit: VaryingFit) -> Table:
         table.add_column(f"{fit.places[k]:.4g} {fit.unit}".strip(), justify="right")
     table.add_column("unit")
     for name, own in fit.curves.items():
-        cells = [f"{own.value[k]:.4g} ± {0.5 * (own.high[k] - own.low[k]):.2g}" for k in places]
-        table.add_row(name, *cells, own.unit)
+        scale, unit = shown_in(own.unit)
+        ends = scale * np.stack([own.low, own.high], axis=1)
+        cells = [plus_minus(scale * float(own.value[k]), ends[k]) for k in places]
+        table.add_row(name, *cells, unit)
     for name, own in fit.M.items():
-        cell = f"{own.value[0]:.4g} ± {0.5 * (own.high[0] - own.low[0]):.2g}"
+        cell = plus_minus(float(own.value[0]), np.array([own.low[0], own.high[0]]))
         table.add_row(f"{name} (constant)", cell, *[""] * (len(places) - 1), own.unit)
     return table
 
@@ -97,4 +105,4 @@ def _plain(own: Band, k: int) -> dict[str, Any]:
 
 
 def _p(value: float) -> str:
-    return f"{value:.2g}" if value > 2.5e-4 else "below 0.0003"
+    return f"{value:.2g}" if value > 1e-4 else "below 0.0001"
