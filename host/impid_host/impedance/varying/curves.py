@@ -6,6 +6,7 @@ The spline carries the curve between knots; no length is below 1.5 of their spac
 """
 
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -42,8 +43,13 @@ class Knots:
 
     def root(self, length: float) -> Floats:
         """L (m, m) with L L' = C; `length` as a share of the span."""
-        places = np.linspace(0.0, 1.0, self.count)
-        r = np.sqrt(5.0) * np.abs(places[:, None] - places[None, :]) / length
-        C = (1.0 + r + r**2 / 3.0) * np.exp(-r) + _JITTER * np.eye(self.count)
-        result: Floats = np.linalg.cholesky(C)
-        return result
+        r = _distances(self.count) / length
+        C: Floats = np.asarray((1.0 + r + r**2 / 3.0) * np.exp(-r), dtype=np.float64)
+        C.flat[:: self.count + 1] += _JITTER
+        return np.asarray(np.linalg.cholesky(C), dtype=np.float64)
+
+
+@cache
+def _distances(count: int) -> Floats:
+    places = np.linspace(0.0, np.sqrt(5.0), count)
+    return np.asarray(np.abs(places[:, None] - places[None, :]), dtype=np.float64)

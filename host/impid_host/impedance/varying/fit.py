@@ -113,9 +113,14 @@ def fit_varying(
     evidence = Evidence(Normal.of(work), layout)
     hyper = evidence.mode(near=hyper)
     rng = np.random.default_rng(seed)
-    verdicts = tuple(asked(evidence, k, hyper, rng, covariance) for k in range(len(layout.groups)))
+    verdicts = tuple(
+        asked(_where_constant(rows, evidence, hyper, k, chain.ar_order), k, hyper, rng, covariance)
+        for k in range(len(layout.groups))
+    )
     sampled = evidence.sample(hyper, rng)
     draws = _draws(evidence, sampled, rng, covariance)
+    moves = _moved_by_colour(rows, evidence, hyper, chain.ar_order)
+    draws += rng.normal(size=(len(draws), len(moves))) @ (np.sqrt(2.0) * moves)
     places = knots.grid(_POINTS)
     before, after = _left_out(rows, work, evidence, hyper)
     return VaryingFit(
@@ -196,8 +201,7 @@ def _coloured(
     starts once from white noise and once from all that a constant load leaves, and the likelier one is kept.
     """
     p = layout.size
-    power = float(np.mean(np.concatenate([row.target.ravel() for row in rows]) ** 2))
-    blocks = [block / np.sqrt(max(power, 1e-300)) for block in blocks_of(rows)]
+    blocks = _scaled(rows)
     found = []
     for start in (_white(blocks, layout), _constant_alone(blocks, layout)):
         mean, root = start
@@ -214,6 +218,43 @@ def _coloured(
         found.append((likelihood, evidence, hyper, work))
     _, evidence, hyper, work = max(found, key=lambda one: one[0])
     return evidence, hyper, work
+
+
+def _scaled(rows: Sequence[Stretch]) -> list[Floats]:
+    """Rows as blocks, their target of unit power."""
+    power = float(np.mean(np.concatenate([row.target.ravel() for row in rows]) ** 2))
+    return [block / np.sqrt(max(power, 1e-300)) for block in blocks_of(rows)]
+
+
+def _where_constant(
+    rows: Sequence[Stretch], evidence: Evidence, hyper: Floats, group: int, ar_order: int
+) -> Evidence:
+    """The evidence with rows whitened by the colour that is left where one group is held constant.
+
+    A curve takes some noise with it, and the colour of the rest would make the test too sure.
+    """
+    blocks, p = _scaled(rows), evidence.layout.size
+    found = evidence.posterior(evidence.mode(absent=(group,), near=hyper))
+    colour = _colour(blocks, p, found.mean, found.root * np.sqrt(found.variance), ar_order)
+    return Evidence(Normal.of(of_blocks(colour.whitened(blocks), p)), evidence.layout)
+
+
+def _moved_by_colour(rows: Sequence[Stretch], evidence: Evidence, hyper: Floats, ar_order: int) -> Floats:
+    """By how much the parameters move with the colour's own uncertainty, along k directions of it, (k, p).
+
+    Twice their squares belong to the covariance (Kenward and Roger, Biometrics 53, 1997), as in `fit_linear`.
+    """
+    if ar_order == 0:
+        return np.zeros((0, evidence.layout.size))
+    blocks, p = _scaled(rows), evidence.layout.size
+    found = evidence.posterior(hyper)
+    colour = _colour(blocks, p, found.mean, found.root * np.sqrt(found.variance), ar_order)
+
+    def mean(white: list[Floats]) -> Floats:
+        return Evidence(Normal.of(of_blocks(white, p)), evidence.layout).mean(hyper)
+
+    pairs = colour.neighbours([block[:, :, : p + 1] for block in blocks])
+    return np.array([0.5 * (mean(up) - mean(down)) for up, down in pairs])
 
 
 def _white(blocks: Sequence[Floats], layout: Layout) -> tuple[Floats, Floats]:

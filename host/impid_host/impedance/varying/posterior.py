@@ -250,6 +250,12 @@ class Evidence:
         mean = np.concatenate([self._beta - self._cross @ u, u])
         return Posterior(mean, root, parts.left / self.dof, self.dof)
 
+    def mean(self, hyper: Floats) -> Floats:
+        """The posterior's mean alone, (p,)."""
+        parts = self.parts(hyper)
+        u = parts.through(linalg.solve_triangular(parts.factor.T, parts.half, lower=False))
+        return np.concatenate([self._beta - self._cross @ u, u])
+
     def sample(self, start: Floats, rng: np.random.Generator) -> Floats:
         """Hyper-parameters from their posterior by an adaptive random walk, (draws, 2 groups)."""
         size = len(start)
