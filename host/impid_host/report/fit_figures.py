@@ -36,7 +36,7 @@ def draw_study(result: StudyFit, folder: Path) -> list[Path]:
             fits = [fit for fit in result.loads if fit.load == load]
             paths.append(_save(load_figure(fits), folder / f"load_{load}.png"))
             paths.append(_save(parameter_figure(fits), folder / f"parameters_{load}.png"))
-            if len(fits[0].model.axes) == 2:
+            if len(fits[0].model.axes) > 1:
                 figure = ellipse_figure(fits, result.handle_mass_kg)
                 paths.append(_save(figure, folder / f"ellipses_{load}.png"))
             if len(fits) > 1:
