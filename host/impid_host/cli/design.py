@@ -5,6 +5,7 @@ from pathlib import Path
 import click
 import numpy as np
 
+from impid_host.cli.design_expect import expect
 from impid_host.cli.design_trial import trial
 from impid_host.design.force_multisine import design_force_multisines
 from impid_host.design.interaction import Contact, modified_perturbation
@@ -35,6 +36,7 @@ def command() -> None:
 
 
 command.add_command(trial)
+command.add_command(expect)
 
 
 @command.command()
