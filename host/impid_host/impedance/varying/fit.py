@@ -31,7 +31,7 @@ from impid_host.impedance.varying.posterior import Evidence, Group, Layout, Norm
 from impid_host.signals.arrays import Floats
 from impid_host.signals.chain import Chain
 
-CLAIMED_BELOW = 0.001
+CLAIMED_BELOW = 0.005
 _ROUNDS = 3
 _KNOTS = 20
 _POINTS = 101
