@@ -7,6 +7,7 @@ import click
 
 from impid_host.cli.inputs import load_inputs
 from impid_host.cli.pair import PAIR
+from impid_host.impedance.varying.schedule import Schedule
 from impid_host.robot.terms import TERMS
 from impid_host.signals.chain import CHAINS, DEFAULT
 
@@ -78,6 +79,12 @@ REFLEX = "load.delay"
 @click.option(
     "--physical", is_flag=True, help="Also give the robot's links inertias that a body can have (URDF)."
 )
+@click.option(
+    "--varying",
+    metavar="time|posture|since:COLUMN|COLUMN",
+    help="Also give K, B and x0 as curves with 95 % bands: over time (each trial by itself), over the slow "
+    "part of the posture, over a column of robot.csv, or over the time since a column last rose.",
+)
 @click.option("--constrain", is_flag=True, help="Also give M and K of arms symmetric and positive definite.")
 @click.option("--limb", type=PAIR, metavar="UPPER,FORE", help="Limb lengths, m: also give joint impedance.")
 @click.option("--shoulder", type=PAIR, metavar="X,Y", help="Where the shoulder is, m, in the robot's frame.")
@@ -101,6 +108,7 @@ def command(
     saved_robot: bool,
     save_model: Path | None,
     physical: bool,
+    varying: str | None,
     constrain: bool,
     limb: tuple[float, float] | None,
     shoulder: tuple[float, float] | None,
@@ -123,6 +131,7 @@ def command(
       impid-host fit arm_study/ --constrain --limb 0.30,0.33 --shoulder 0.37,-0.50
       impid-host fit next_study/ --model model.json
       impid-host fit study/ --save-model plain.json
+      impid-host fit arm_study/ --varying time --figures figures/
       impid-host fit ankle/ --with load.delay --cutoff 40 --validate 20
       impid-host fit emps/ --chain emps --with friction.coulomb --with actuator.offset --validate 0
     """
@@ -134,7 +143,8 @@ def command(
         raise click.UsageError("--save-model writes a model without effects: leave --model out")
     if model_file is not None and chain != DEFAULT.name:
         raise click.UsageError("--model goes with --chain default: its effects act on those signals")
-    study = load_inputs(paths, robot_log, setup)
+    schedule = None if varying is None else Schedule(varying)
+    study = load_inputs(paths, robot_log, setup, () if schedule is None else schedule.columns)
     from impid_host.cli.fit_run import Wishes, run  # noqa: PLC0415  (half a second in all)
 
     wishes = Wishes(
@@ -148,6 +158,7 @@ def command(
         keep_robot=saved_robot,
         save_model=save_model,
         physical=physical,
+        varying=schedule,
         constrain=constrain,
         limb=None if limb is None or shoulder is None else (limb, shoulder, side),
         json_to=json_to,

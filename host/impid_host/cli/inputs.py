@@ -28,8 +28,12 @@ _KIND_OF_NAME: tuple[tuple[str, TrialKind], ...] = (
 )
 
 
-def load_inputs(paths: Sequence[Path], robot_logs: Sequence[Path], setup: Path | None) -> Study:
+def load_inputs(
+    paths: Sequence[Path], robot_logs: Sequence[Path], setup: Path | None, also: Sequence[str] = ()
+) -> Study:
     """A study folder as it is, or recordings, one robot log each, with the apparatus of `setup`.
+
+    `also` names other columns of the robot's logs to be kept.
 
     Raises:
         InputError: a path that is neither, a recording without its log, or a file that cannot be used.
@@ -40,7 +44,7 @@ def load_inputs(paths: Sequence[Path], robot_logs: Sequence[Path], setup: Path |
                 raise InputError(
                     paths[1], "is one path too many", "give one study folder, or recordings (.mcap)"
                 )
-            return read_study(paths[0])
+            return read_study(paths[0], also)
         if setup is None:
             raise InputError(paths[0], "is a recording and needs its apparatus", "add --setup setup.toml")
         if len(robot_logs) != len(paths):
@@ -53,7 +57,8 @@ def load_inputs(paths: Sequence[Path], robot_logs: Sequence[Path], setup: Path |
         if words:
             click.echo(words, err=True)
         trials = [
-            _trial(recording, log, apparatus) for recording, log in zip(recordings, robot_logs, strict=True)
+            _trial(recording, log, apparatus, also)
+            for recording, log in zip(recordings, robot_logs, strict=True)
         ]
         logged_joints(apparatus.robot, trials[0].robot.theta.shape[1], setup)
     return Study(paths[0].stem, apparatus, tuple(sorted(trials, key=lambda trial: trial.name)), source=None)
@@ -86,7 +91,7 @@ def _recording(path: Path) -> "Recording":
     return recording
 
 
-def _trial(recording: "Recording", log: Path, setup: Setup) -> Trial:
+def _trial(recording: "Recording", log: Path, setup: Setup, also: Sequence[str]) -> Trial:
     path = recording.path
     if not recording.segments:
         raise InputError(path, "holds no samples", "record again with the board streaming")
@@ -104,6 +109,6 @@ def _trial(recording: "Recording", log: Path, setup: Setup) -> Trial:
         name=path.stem,
         kind=kind,
         load=re.sub(r"_\d+$", "", path.stem),
-        robot=read_robot_log(log, setup.robot.model),
+        robot=read_robot_log(log, setup.robot.model, () if kind == "free" else also),
         device=longest.samples,
     )
