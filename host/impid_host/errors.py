@@ -4,7 +4,9 @@ Anything else that escapes a command is a defect in impid itself.
 """
 
 from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 
 class ImpidError(Exception):
@@ -33,6 +35,7 @@ class InputError(ImpidError):
         check: str | None = None,
         evidence: Mapping[str, float] | None = None,
     ) -> None:
+        self._given = path
         self.path = Path(path)
         self.row = row
         self.check = check
@@ -41,6 +44,11 @@ class InputError(ImpidError):
         self.remedy = remedy
         place = f"{path}" if row is None else f"{path}, row {row}"
         super().__init__(f"{place}: {what}; {remedy}")
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Sent to another process with its parts; an exception knows only its message otherwise."""
+        make = partial(type(self), row=self.row, check=self.check, evidence=self.evidence)
+        return make, (self._given, self.what, self.remedy)
 
 
 class LinkError(ImpidError):

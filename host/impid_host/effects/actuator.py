@@ -1,7 +1,8 @@
 """What stands between the logged torque and the torque at the joint."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from scipy import signal
@@ -173,9 +174,9 @@ def _low_passed(values: Floats, time_constant_s: float, dt: float) -> Floats:
     return np.asarray(signal.lfilter(b, a, values, axis=0, zi=start)[0], dtype=np.float64)
 
 
-def _delay_rows(name: str) -> Callable[[Setting], list[Term]]:
+def _delay_of(name: str, setting: Setting) -> list[Term]:
     """The terms of one of the two, which share their first order."""
-    return lambda setting: [term for term in _delay(setting) if term.effect == name]
+    return [term for term in _delay(setting) if term.effect == name]
 
 
 _EARLIER = "a record with a sync edge in both logs, and a free trial with faster motion"
@@ -221,7 +222,7 @@ EFFECTS = (
         "actuator",
         (Parameter("delay", "s", -_MAX_DELAY_S, _MAX_DELAY_S, least=2e-5),),
         "study format, Conventions",
-        _delay_rows("actuator.delay"),
+        partial(_delay_of, "actuator.delay"),
         tells={"actuator.lag": _EARLIER},
     ),
     Effect(
@@ -230,7 +231,7 @@ EFFECTS = (
         "actuator",
         (Parameter("time_constant", "s", 0, _MAX_DELAY_S, amplitude=True),),
         "Siciliano et al., Robotics: Modelling, Planning and Control (2009), ch. 5",
-        _delay_rows("actuator.lag"),
+        partial(_delay_of, "actuator.lag"),
         tells={"actuator.delay": _EARLIER},
     ),
 )
