@@ -16,6 +16,8 @@ class ImpidError(Exception):
 class InputError(ImpidError):
     """A file that cannot be used as it is.
 
+    `where` is the file as it was named, with the row.
+
     Args:
         path: the file.
         what: what is wrong, in plain words.
@@ -35,15 +37,15 @@ class InputError(ImpidError):
         check: str | None = None,
         evidence: Mapping[str, float] | None = None,
     ) -> None:
-        self._given = path
         self.path = Path(path)
         self.row = row
         self.check = check
         self.evidence = dict(evidence or {})
         self.what = what
         self.remedy = remedy
-        place = f"{path}" if row is None else f"{path}, row {row}"
-        super().__init__(f"{place}: {what}; {remedy}")
+        self._given = path
+        self.where = f"{path}" if row is None else f"{path}, row {row}"
+        super().__init__(f"{self.where}: {what}; {remedy}")
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Sent to another process with its parts; an exception knows only its message otherwise."""

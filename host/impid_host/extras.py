@@ -9,10 +9,14 @@ from impid_host.errors import ImpidError
 # package -> the extra of pyproject.toml that brings it
 EXTRAS = {
     "aiohttp": "view",
+    "distributed": "batch",
+    "fsspec": "batch",
     "h5py": "mat",
     "pandas": "pandas",
     "pinocchio": "urdf",
     "rosbags": "ros",
+    "s3fs": "batch",
+    "sshfs": "batch",
 }
 
 

@@ -29,8 +29,9 @@ sys.meta_path.insert(0, Refuse())
 """
 POSIX_ONLY = ("tty", "termios", "pty", "fcntl", "resource", "grp", "pwd")
 OF_THE_SIMULATOR = ("hil_sim", "cffi", "_cffi_backend", "unicorn", "elftools")
+OF_THE_BATCH = ("distributed", "dask", "fsspec", "s3fs", "sshfs", "duckdb")
 ENVIRONMENT = {**os.environ, "PYTHONPATH": f"{ROOT / 'host'}{os.pathsep}{ROOT}"}
-OPTIONAL = (*OF_THE_SIMULATOR, "h5py", "aiohttp", "pandas", "pinocchio", "rosbags", "msgpack")
+OPTIONAL = (*OF_THE_SIMULATOR, "h5py", "aiohttp", "pandas", "pinocchio", "rosbags", "msgpack", *OF_THE_BATCH)
 
 
 def command(code: str, missing: tuple[str, ...] = (), posix: tuple[str, ...] = ()) -> list[str]:

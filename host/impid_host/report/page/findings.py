@@ -47,22 +47,22 @@ class Findings:
         return self.checks.trusted and self.fit is not None
 
 
-def gather(study: Study, progress: Progress = _silent, *, diagnosed: bool = True) -> Findings:
+def gather(
+    study: Study, progress: Progress = _silent, *, diagnosed: bool = True, terms: tuple[str, ...] = ()
+) -> Findings:
     """Check, fit and diagnose a study; what its data do not determine is left out with the reason.
 
     Args:
         diagnosed: look for what the first model lacks; takes a minute or so.
+        terms: optional terms of the robot model in the fit, as `fit --with`.
     """
     progress(f"{study.name}: checking")
     checks = check_study(study)
     missing: list[str] = []
     fit, twice = None, None
     try:
-        fit = fit_study(
-            study, Options(chain=default_chain(study)), lambda words: progress(f"{study.name}: {words}")
-        )
-        twice = agreement(study, fit.loads)
-        checks = checks.with_more(gate_fit(fit)).with_more(twice.checks)
+        options = Options(chain=default_chain(study), terms=terms)
+        fit, twice, checks = fitted(study, options, checks, lambda words: progress(f"{study.name}: {words}"))
     except UndeterminedError as error:
         missing.append(f"Nothing could be fitted: {error}")
     answer = None
