@@ -10,7 +10,6 @@ from impid_host.batch.task import Answer, BatchOptions, Status
 from impid_host.errors import ImpidError, InputError
 from impid_host.study.hashes import file_hashes
 
-
 _HERE = Path(__file__).parents[1]
 
 

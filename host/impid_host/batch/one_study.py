@@ -30,8 +30,13 @@ def worked_out(first: Answer, folder: Path, options: BatchOptions) -> Answer:
     except Exception as error:  # whatever it is, it is this study's, and the others go on
         answer = broken(first, error)
     spent = time.monotonic() - begin
-    notices = tuple(line.removeprefix("warning: ") for line in lines)
-    return replace(answer, notices=notices, versions=versions(), seconds=spent, worker=platform.node())
+    # Of a copy on this disk, too, the original is named.
+    why, *notices = (
+        line.removeprefix("warning: ").replace(str(folder), first.place) for line in (answer.why, *lines)
+    )
+    return replace(
+        answer, why=why, notices=tuple(notices), versions=versions(), seconds=spent, worker=platform.node()
+    )
 
 
 def _found_out(first: Answer, study: Study, found: Findings, options: BatchOptions) -> Answer:

@@ -10,11 +10,12 @@ import shutil
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
+from importlib import import_module
 from pathlib import Path, PurePosixPath
 from typing import Any, Protocol
 
 from impid_host.errors import InputError
-from impid_host.extras import extra, need
+from impid_host.extras import need
 
 # What a study is read from; pictures and recordings beside it are not fetched.
 _OF_A_STUDY = (".toml", ".csv", ".urdf", ".json")
@@ -84,6 +85,8 @@ class _Here:
                 found.append(folder)
                 below.clear()
             below[:] = sorted(name for name in below if not name.startswith("."))
+        if not found:
+            raise InputError(self._folder, "holds no study", f"give folders that hold {_SETUP}")
         return sorted(found)
 
     def names(self) -> list[str]:
@@ -121,7 +124,10 @@ class _Elsewhere:
             need(_DRIVERS[scheme], f"{address}: {scheme}")
         with _reached(address):
             self._files: Any
-            self._files, self._path = extra("fsspec.core", "an address").url_to_fs(self.address)
+            core, config = (import_module(f"fsspec.{name}") for name in ("core", "config"))
+            # sshfs believes any host unless it is told to look into known_hosts, and is not told of `conf`.
+            ssh = {"known_hosts": (), **config.conf.get("ssh", {})} if scheme in ("sftp", "ssh") else {}
+            self._files, self._path = core.url_to_fs(self.address, **ssh)
 
     def studies(self) -> list[str]:
         with _reached(self.address):

@@ -79,7 +79,7 @@ def on_cluster(work: Work, scheduler: str) -> Iterator[Answer]:
             client.submit(in_this_thread, address, work.options, known, work.timeout_s, pure=False): address
             for address in work.studies
         }
-        for future in distributed.as_completed(asked):
+        for future in distributed.as_completed(asked, loop=client.loop):
             yield _result(future, asked[future], scheduler)
             future.release()
 

@@ -9,6 +9,7 @@ from impid_host.batch.places import place
 from impid_host.batch.pool import Work, answers
 from impid_host.batch.task import BROKEN, Answer, BatchOptions
 from impid_host.errors import InputError
+from impid_host.extras import need
 
 # done, of how many, how many of them broken
 Progress = Callable[[int, int, int], None]
@@ -48,6 +49,8 @@ def run(
     Raises:
         ImpidError: the results' folder or the scheduler cannot be used; nothing about a single study.
     """
+    if scheduler is not None:
+        need("distributed", "--scheduler")
     results = DataSet(place(out))
     found, came = find(studies)
     work = Work(tuple(found), options, results.known, timeout_s)

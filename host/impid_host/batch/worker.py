@@ -9,12 +9,16 @@ import tempfile
 import threading
 import time
 from dataclasses import asdict, replace
+from pathlib import Path
 from typing import Any
 
 from impid_host.batch.task import Answer, BatchOptions
 
 # One thread for linear algebra: the workers share the cores, and the sums do not depend on their number.
 _ALONE = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
+# The child imports this package, wherever the parent has it from.
+_HOME = str(Path(__file__).resolve().parents[2])
+_PATH = [part for part in os.environ.get("PYTHONPATH", "").split(os.pathsep) if part]
 _own = threading.local()
 _LAST_WORDS = 2000
 _READY = b"ready\n"
@@ -99,7 +103,7 @@ class Child:
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
                 stderr=self._errors,
-                env={**os.environ, **_ALONE},
+                env={**os.environ, **_ALONE, "PYTHONPATH": os.pathsep.join([_HOME, *_PATH])},
                 start_new_session=True,  # an interrupt of the terminal is the parent's to act upon
             )
             # What it takes to start, which is imports, is not the study's time.

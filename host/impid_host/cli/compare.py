@@ -97,7 +97,7 @@ def command(
         write_table(rows, table)
         click.echo(f"{table}: {len(rows)} rows", err=json_to == "-")
     series = compare(rows, steady=steady)
-    if not series and (table is None or len({row.study for row in rows}) > 1):
+    if not series and (table is None or len({row.study for row in rows}) != 1):
         raise UndeterminedError(_nothing_common(rows))
     if json_to != "-":
         console = table_console()

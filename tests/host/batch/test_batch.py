@@ -102,15 +102,27 @@ def test_a_broken_study_harms_no_other(archive: Path, tmp_path: Path) -> None:
     log = archive / "P01" / "day1" / "free_01" / "robot.csv"
     whole = log.read_text()
     lines = whole.splitlines()
+    (tmp_path / "empty").mkdir()
     log.write_text("\n".join([*lines[:7], "garbage,1,2", *lines[8:]]))
     done = CliRunner().invoke(
-        cli, ["batch", str(archive), str(tmp_path / "gone"), "--out", str(out), "--jobs", "1"]
+        cli,
+        [
+            "batch",
+            str(archive),
+            str(tmp_path / "gone"),
+            str(tmp_path / "empty"),
+            "--out",
+            str(out),
+            "--jobs",
+            "1",
+        ],
     )
     assert done.exit_code == 1, done.output
-    assert "1 bad data, 3 fitted, 1 unreadable" in done.output
+    assert "1 bad data, 3 fitted, 2 unreadable" in done.output
     assert f"{archive / 'P01' / 'day1'}: bad data: {log}, row 8: " in done.output
     assert "complete or delete that row" in done.output
-    assert f"{tmp_path / 'gone'}: unreadable: " in done.output
+    assert f"{tmp_path / 'gone'}: does not exist; give study folders" in done.output
+    assert f"{tmp_path / 'empty'}: holds no study; give folders that hold setup.toml" in done.output
     row = next(row for row in table(out).to_pylist() if row["status"] == "bad data")
     assert (row["value"], row["study"], row["trusted"]) == (None, "day1", False)
     assert "row 8" in row["why"]
