@@ -5,7 +5,7 @@ BIN    := $(VENV)/bin
 STAMP  := $(VENV)/.installed
 C_SOURCES := $(wildcard firmware/core/*.[ch] firmware/generated/*.[ch] firmware/boards/native/*.[ch] hil_sim/plant/*.[ch] hil_sim/board/elf/*.[ch])
 
-.PHONY: help setup demo docs test lint firmware test-python test-firmware validate clean
+.PHONY: help setup demo docs test lint firmware test-python test-firmware validate bench clean
 
 help: ## print this list
 	@grep -E '^[a-z-]+:.*## ' $(firstword $(MAKEFILE_LIST)) | sed -E 's/^([a-z-]+):.*## /  make \1\t/' | expand -t 24
@@ -75,6 +75,9 @@ validate: $(STAMP) ## the long forms, with their figures written to docs/validat
 	$(BIN)/python bench/diagnosis_validation.py table build/diagnosis.jsonl \
 	  --command 'bench/diagnosis_validation.py run build/diagnosis.jsonl --first-seed 1600000 --jobs 2' \
 	  --markdown docs/validation/diagnosis.md --json docs/validation/diagnosis.json
+
+bench: $(STAMP) ## speed and memory of everything that somebody waits for, beside peers (ten minutes)
+	$(BIN)/python -m bench.speed --out docs/validation/bench.md
 
 clean: ## remove what was built, but nothing that was recorded
 	rm -rf $(VENV) build .pio .pio-core *.egg-info hil_sim/_native*.so hil_sim/_native.c

@@ -11,7 +11,7 @@ from impid_host.batch.worker import Child, in_this_thread
 from impid_host.errors import ImpidError
 from impid_host.extras import extra
 
-_WAIT_S = 30
+_WAIT_S = 60
 
 
 @dataclass(frozen=True, slots=True)
