@@ -41,7 +41,7 @@ def cost(job: Job, *arguments: Any, times: int = 1) -> Cost:
         sys.executable,
         "-m",
         "bench.speed.measure",
-        job.__module__,
+        _module(job),
         job.__name__,
         json.dumps(arguments),
     ]
@@ -55,6 +55,12 @@ def cost(job: Job, *arguments: Any, times: int = 1) -> Cost:
             raise RuntimeError(f"{job.__name__}{arguments}: {done.stderr.strip().splitlines()[-1]}")
         costs.append(Cost(*json.loads(done.stdout.splitlines()[-1])))
     return min(costs, key=lambda one: one.cpu_s)
+
+
+def _module(job: Job) -> str:
+    """By which another process imports it, also where it is the program itself (`python -m`)."""
+    spec = sys.modules[job.__module__].__spec__
+    return job.__module__ if spec is None else spec.name
 
 
 def main() -> None:

@@ -22,23 +22,29 @@ class DataSet:
     def __init__(self, folder: Place) -> None:
         self.folder = folder
         self._names = {name for name in folder.names() if name.endswith(ENDING)}
+        self._by_key = {_parts(name)[1]: name for name in self._names if not name.endswith(_AGAIN)}
         self._current: dict[str, str] = {}
 
     @property
     def known(self) -> frozenset[str]:
         """Keys of the results that need no second try."""
-        return frozenset(_parts(name)[1] for name in self._names if not name.endswith(_AGAIN))
+        return frozenset(self._by_key)
 
     def add(self, answer: Answer, options: BatchOptions, command: str) -> None:
-        """Write a study's result, unless it is there, and remember it as the one of its place."""
-        place_of, ending = place_key(answer.place), _AGAIN if answer.status in BROKEN else ENDING
-        same = [name for name in self._names if answer.key in _parts(name) and not name.endswith(_AGAIN)]
-        if answer.key and same:
-            self._current[place_of] = same[0]
+        """Write a study's result, unless it is there, and remember it as the one of its place.
+
+        Where the study could not be read at all, an older result of its place stays: nothing newer is known.
+        """
+        place_of, broken = place_key(answer.place), answer.status in BROKEN
+        if not answer.key and any(_parts(name)[0] == place_of for name in self._names):
             return
-        name = f"{place_of}-{answer.key or 'unread'}{ending}"
-        self.folder.write(name, as_parquet(answer, options, command))
-        self._names.add(name)
+        name = self._by_key.get(answer.key)
+        if name is None:
+            name = f"{place_of}-{answer.key or 'unread'}{_AGAIN if broken else ENDING}"
+            self.folder.write(name, as_parquet(answer, options, command))
+            self._names.add(name)
+            if not broken:
+                self._by_key[answer.key] = name
         self._current[place_of] = name
 
     def drop_superseded(self) -> int:

@@ -14,6 +14,7 @@ from pathlib import Path
 import impid_host
 import pytest
 from click.testing import CliRunner
+from impid_host.batch.data_set import DataSet
 from impid_host.batch.one_study import worked_out
 from impid_host.batch.places import place
 from impid_host.batch.task import Answer, BatchOptions
@@ -95,6 +96,17 @@ def test_new_data_and_new_options_replace_the_result(tmp_path: Path) -> None:
     assert (outcome.counts, outcome.superseded) == ({"fitted": 2}, 2)
     assert {row["options"] for row in table(out).to_pylist()} == {friction.to_json()}
     assert "Fc1" in {row["quantity"] for row in table(out).to_pylist()}
+
+
+def test_a_study_that_cannot_be_reached_keeps_its_result(done: Done, tmp_path: Path) -> None:
+    """The disk is not there today: it is said, and yesterday's numbers stay."""
+    out = tmp_path / "out"
+    shutil.copytree(done.out, out)
+    gone = Answer(str(done.archive / "P01" / "day1"), "unreadable", why="gone")
+    results = DataSet(place(out))
+    results.add(gone, BatchOptions(), "")
+    assert results.drop_superseded() == 0
+    assert table(out).equals(table(done.out))
 
 
 def test_a_broken_study_harms_no_other(archive: Path, tmp_path: Path) -> None:
