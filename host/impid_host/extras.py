@@ -10,12 +10,16 @@ from impid_host.errors import ImpidError
 EXTRAS = {
     "aiohttp": "view",
     "can": "can",
+    "distributed": "batch",
+    "fsspec": "batch",
     "h5py": "mat",
     "pandas": "pandas",
     "pinocchio": "urdf",
     "pint": "import",
     "rosbags": "ros",
+    "s3fs": "batch",
     "simpleeval": "import",
+    "sshfs": "batch",
     "xarray": "xarray",
 }
 

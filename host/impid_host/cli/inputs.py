@@ -12,6 +12,7 @@ from impid_host.errors import InputError
 from impid_host.study.folder import read_study
 from impid_host.study.joints import logged_joints
 from impid_host.study.model import Setup, Study, Trial, TrialKind
+from impid_host.study.names import distinct_names
 from impid_host.study.notices import notices_as_lines
 from impid_host.study.robot_csv import read_robot_log
 from impid_host.study.setup_file import read_setup
@@ -65,7 +66,7 @@ def load_inputs(
 
 
 def load_studies(paths: Sequence[Path]) -> list[Study]:
-    """Several study folders; where two have one name, their parents' names are put before it.
+    """Several study folders; where two have one name, parents' names are put before it.
 
     Raises:
         InputError: as `load_inputs`, or the same folder twice.
@@ -75,11 +76,8 @@ def load_studies(paths: Sequence[Path]) -> list[Study]:
         if places.count(place) > 1:
             raise InputError(path, "is given twice", "give each study once")
     read = [load_inputs([path], (), None) for path in paths]
-    names = [study.name for study in read]
-    return [
-        replace(study, name=f"{place.parent.name}/{study.name}") if names.count(study.name) > 1 else study
-        for study, place in zip(read, places, strict=True)
-    ]
+    names = distinct_names({str(place): study.name for study, place in zip(read, places, strict=True)})
+    return [replace(study, name=names[str(place)]) for study, place in zip(read, places, strict=True)]
 
 
 def _recording(path: Path) -> "Recording":

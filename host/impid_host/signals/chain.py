@@ -86,14 +86,15 @@ def _wide(values: Floats, rate_hz: float) -> Floats:
     return values if rate_hz < 4 * _WIDE.cutoff_hz else _WIDE.apply(values, rate_hz)
 
 
-def _after(first: Operator, *then: Operator) -> Operator:
-    def run(values: Floats, rate_hz: float) -> Floats:
-        values = first(values, rate_hz)
-        for step in then:
+class _After(tuple[Operator, ...]):
+    """One operator after the other; a class, so that a chain can be sent to another process."""
+
+    __slots__ = ()
+
+    def __call__(self, values: Floats, rate_hz: float) -> Floats:
+        for step in self:
             values = step(values, rate_hz)
         return values
-
-    return run
 
 
 def _unchanged(values: Floats, _rate_hz: float) -> Floats:
@@ -103,8 +104,8 @@ def _unchanged(values: Floats, _rate_hz: float) -> Floats:
 DEFAULT = Chain(
     name="default",
     value=_wide,
-    derivative=_after(_wide, five_point_difference),
-    second_derivative=_after(_wide, five_point_difference, five_point_difference),
+    derivative=_After((_wide, five_point_difference)),
+    second_derivative=_After((_wide, five_point_difference, five_point_difference)),
     torque=_unchanged,
     finish=_NARROW,
     edge_s=1.0,
@@ -114,10 +115,10 @@ DEFAULT = Chain(
 
 PUBLISHED = Chain(
     name="published",
-    value=_after(_SAVGOL.smooth, _NARROW.apply),
-    derivative=_after(_SAVGOL.differentiate, _NARROW.apply),
-    second_derivative=_after(_SAVGOL.differentiate_twice, _NARROW.apply),
-    torque=_after(_SAVGOL.smooth, _NARROW.apply),
+    value=_After((_SAVGOL.smooth, _NARROW.apply)),
+    derivative=_After((_SAVGOL.differentiate, _NARROW.apply)),
+    second_derivative=_After((_SAVGOL.differentiate_twice, _NARROW.apply)),
+    torque=_After((_SAVGOL.smooth, _NARROW.apply)),
     finish=None,
     edge_s=1.0,
     decimate=None,
@@ -129,8 +130,8 @@ PUBLISHED = Chain(
 EMPS = Chain(
     name="emps",
     value=_EMPS.apply,
-    derivative=_after(_EMPS.apply, central_difference),
-    second_derivative=_after(_EMPS.apply, central_difference, central_difference),
+    derivative=_After((_EMPS.apply, central_difference)),
+    second_derivative=_After((_EMPS.apply, central_difference, central_difference)),
     torque=_unchanged,
     finish=ZeroPhaseChebyshev(order=8, ripple_dB=0.05, cutoff_hz=40.0),
     edge_s=0.05,
