@@ -35,7 +35,7 @@ from impid_host.wire.messages import (
     Words,
 )
 from impid_host.wire.records import BoardStatus, Decoded, Loss, NewRun, Pong, Response, Segment
-from impid_host.wire.tracker import Groups, Tracker
+from impid_host.wire.tracker import Groups, Position, Tracker
 
 _MASK32 = 0xFFFFFFFF
 _STATUS_ALWAYS = {layout.frame_id for layout in STATUS[:FIRST_STATUSES]}
@@ -116,6 +116,10 @@ class CanDecoder:
         """Totals so far; bad frames are halves without the other, inconsistent are samples without a date."""
         samples = astuple(self._tracker.counts)
         return LinkCounts(self._good, self._unpaired, 0, 0, self._undated, *samples)
+
+    def resume(self, position: Position) -> None:
+        """Begin in the middle of a stream, of which this sample comes next."""
+        self._tracker.resume(position)
 
     def feed(
         self, identifiers: NDArray[np.uint16], words: Words, arrival_ns: NDArray[np.int64] | None = None

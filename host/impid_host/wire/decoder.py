@@ -24,7 +24,7 @@ from impid_host.wire.messages import (
     Words,
 )
 from impid_host.wire.records import BoardStatus, Decoded, Pong, Response, Segment
-from impid_host.wire.tracker import Groups, SampleCounts, Tracker
+from impid_host.wire.tracker import Groups, Position, SampleCounts, Tracker
 
 _SEQ_MODULUS = 1 << 16
 _SAMPLES = (KIND["SAMPLES"], KIND["SAMPLES_WIDE"])
@@ -77,6 +77,10 @@ class SerialDecoder:
             self._inconsistent,
             *astuple(samples),
         )
+
+    def resume(self, position: Position) -> None:
+        """Begin in the middle of a stream, of which this sample comes next."""
+        self._tracker.resume(position)
 
     def feed(self, data: bytes) -> Decoded:
         """What `data` completes."""

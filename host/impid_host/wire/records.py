@@ -157,3 +157,14 @@ def until(segment: Segment, end: tuple[int, int] | None) -> Segment | None:
         return None
     kept = slice(0, count)
     return Segment(segment.boot_id, segment.run, segment.index[kept], rows_of(segment.samples, kept))
+
+
+def since(segment: Segment, begin: tuple[int, int] | None) -> Segment | None:
+    """What of a segment belongs to a window that begins in some run with some stamp (us); None: nothing."""
+    if begin is None or segment.run > begin[0]:
+        return segment
+    first = int(np.searchsorted(segment.samples.t_us, begin[1])) if segment.run == begin[0] else len(segment)
+    if first == len(segment):
+        return None
+    kept = slice(first, None)
+    return Segment(segment.boot_id, segment.run, segment.index[kept], rows_of(segment.samples, kept))

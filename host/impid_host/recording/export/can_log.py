@@ -23,9 +23,9 @@ def write_can_log(recording: Recording, path: Path) -> None:
             "was recorded over a serial line and holds no CAN frames",
             "export it as .parquet, .mat or a study folder",
         )
-    frames, wall_minus_monotonic_ns = read_raw_can(recording.path)
     with can.Logger(str(path)) as log:
-        for frame in frames:
+        frames = ((f, offset) for piece, offset in read_raw_can(recording.path) for f in piece)
+        for frame, wall_minus_monotonic_ns in frames:
             identifier = int(frame["identifier"])
             message = can.Message(
                 timestamp=(int(frame["monotonic_ns"]) + wall_minus_monotonic_ns) * 1e-9,
