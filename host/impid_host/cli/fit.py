@@ -14,6 +14,7 @@ from impid_host.checks.of_fit import gate_fit
 from impid_host.cli.checked import IMPOSSIBLE, refused, unconfirmed
 from impid_host.cli.inputs import load_inputs
 from impid_host.cli.pair import PAIR
+from impid_host.cli.window import window_option
 from impid_host.diagnosis.saved import SavedModel, read_model
 from impid_host.errors import UndeterminedError
 from impid_host.impedance.campaign import Options, Progress, StudyFit, default_chain, fit_study
@@ -22,6 +23,7 @@ from impid_host.impedance.constrained import constrain as constrain_matrices
 from impid_host.impedance.joint_space import JointImpedance, Limb, joint_impedance
 from impid_host.impedance.reflex import Band, ReflexFit, fit_trial_reflex
 from impid_host.impedance.rows import Split
+from impid_host.recording.records import Window
 from impid_host.report.check_tables import agreement_table, print_above, print_below
 from impid_host.report.fit_json import Json, fit_json
 from impid_host.report.fit_page import print_fit
@@ -50,6 +52,7 @@ REFLEX = "load.delay"
     help="Robot log (CSV) of each recording, in order.",
 )
 @click.option("--setup", type=click.Path(path_type=Path), help="setup.toml that goes with recordings.")
+@window_option
 @click.option(
     "--chain",
     type=click.Choice(list(CHAINS)),
@@ -118,6 +121,7 @@ def command(
     paths: tuple[Path, ...],
     robot_log: tuple[Path, ...],
     setup: Path | None,
+    window: Window | None,
     chain: str,
     acceleration: Literal["accelerometer", "angles"] | None,
     cutoff: float | None,
@@ -155,7 +159,7 @@ def command(
     geometry = _limb(limb, shoulder, side)
     if save_model is not None and model_file is not None:
         raise click.UsageError("--save-model writes a model without effects: leave --model out")
-    study = load_inputs(paths, robot_log, setup)
+    study = load_inputs(paths, robot_log, setup, window)
     row = _chain(study, chain, cutoff)
     own_terms = tuple(term for term in terms if term != REFLEX)
     options = Options(row, acceleration, own_terms, Split(validate), physical)

@@ -10,6 +10,7 @@ import click
 from impid_host.calibration.applied import with_calibration
 from impid_host.errors import InputError
 from impid_host.recording.reader import Recording, read_recording
+from impid_host.recording.records import Window
 from impid_host.study.folder import read_study
 from impid_host.study.joints import logged_joints
 from impid_host.study.model import Setup, Study, Trial, TrialKind
@@ -26,8 +27,11 @@ _KIND_OF_NAME: tuple[tuple[str, TrialKind], ...] = (
 )
 
 
-def load_inputs(paths: Sequence[Path], robot_logs: Sequence[Path], setup: Path | None) -> Study:
-    """A study folder as it is, or recordings, one robot log each, with the apparatus of `setup`.
+def load_inputs(
+    paths: Sequence[Path], robot_logs: Sequence[Path], setup: Path | None, window: Window | None = None
+) -> Study:
+    """A study folder as it is, or recordings (or a window of each), one robot log each, with the apparatus of
+    `setup`.
 
     Raises:
         InputError: a path that is neither, a recording without its log, or a file that cannot be used.
@@ -38,13 +42,15 @@ def load_inputs(paths: Sequence[Path], robot_logs: Sequence[Path], setup: Path |
                 raise InputError(
                     paths[1], "is one path too many", "give one study folder, or recordings (.mcap)"
                 )
+            if window is not None:
+                raise InputError(paths[0], "is a study; --window is for recordings", "leave --window out")
             return read_study(paths[0])
         if setup is None:
             raise InputError(paths[0], "is a recording and needs its apparatus", "add --setup setup.toml")
         if len(robot_logs) != len(paths):
             what = f"{len(paths)} recording(s) but {len(robot_logs)} robot log(s)"
             raise InputError(paths[0], what, "give one --robot-log for each recording, in the same order")
-        recordings = [_recording(path) for path in paths]
+        recordings = [_recording(path, window) for path in paths]
         apparatus, words = with_calibration(read_setup(setup), recordings)
         if words:
             click.echo(words, err=True)
@@ -73,8 +79,8 @@ def load_studies(paths: Sequence[Path]) -> list[Study]:
     ]
 
 
-def _recording(path: Path) -> Recording:
-    recording = read_recording(path)
+def _recording(path: Path, window: Window | None) -> Recording:
+    recording = read_recording(path, window)
     for warning in recording.warnings:
         click.echo(f"{path}: {warning}", err=True)
     return recording

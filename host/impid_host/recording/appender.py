@@ -1,4 +1,5 @@
-"""A file that only grows, but for its tail: what is kept, and behind it a piece that the next write replaces."""
+"""A file that only grows, but for its tail: what is kept, and behind it a piece that the next write
+replaces."""
 
 import contextlib
 import os
@@ -12,10 +13,9 @@ from impid_host.errors import InputError
 class Appender:
     """The file under a recording: collects, and writes on `flush` in one piece.
 
-    Nothing reaches the disk in between, so an interrupted program leaves whole records. The tail is the record
-    that still grows: each flush writes it anew in the same place, until it is collected and so kept. After a failed write
-    (full disk) the file ends as the flush before left it.
-    """
+    Nothing reaches the disk in between, so an interrupted program leaves whole records. The tail is the
+    record that still grows: each flush writes it anew in the same place, until it is collected and so
+    kept. After a failed write (full disk) the file ends as the flush before left it."""
 
     def __init__(self, path: Path, descriptor: int) -> None:
         self.path = path
@@ -37,7 +37,9 @@ class Appender:
             InputError: it exists already, or it cannot be made here.
         """
         try:
-            descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0), 0o644)
+            descriptor = os.open(
+                path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0), 0o644
+            )
         except FileExistsError:
             raise InputError(
                 path,
@@ -62,8 +64,8 @@ class Appender:
         return self._written + len(self._waiting)
 
     def flush(self, tail: bytes = b"") -> None:
-        """Hand what was collected, and the tail behind it, to the operating system: a killed program no longer
-        loses it. The tail of the flush before is written over.
+        """Hand what was collected, and the tail behind it, to the operating system: a killed program no
+        longer loses it. The tail of the flush before is written over.
 
         After a failure nothing more is written.
 

@@ -1,10 +1,10 @@
 """What a recording contains: topics, their schemas, and the names of its metadata.
 
-`/wire` (on CAN `/can`) is the truth: every byte that came in or went out, with its stamps, and the clock exchanges;
-`/events` are the recorder's notes. Both are flushed together. `/samples`, `/status` and `/clock` are there for
-looking, in chunks of their own that a reader of this package passes over. All but the events are protobuf with
-the schema embedded, so Foxglove, PlotJuggler and the bare `mcap` library read them.
-"""
+`/wire` (on CAN `/can`) is the truth: every byte that came in or went out, with its stamps, and the clock
+exchanges; `/events` are the recorder's notes. Both are flushed together. `/samples`, `/status` and
+`/clock` are there for looking, in chunks of their own that a reader of this package passes over. All but
+the events are protobuf with the schema embedded, so Foxglove, PlotJuggler and the bare `mcap` library
+read them."""
 
 import json
 from dataclasses import dataclass, fields

@@ -108,9 +108,7 @@ class Chunk:
             indexes[number] = len(data)
             data += record(MESSAGE_INDEX, struct.pack("<HI", number, len(entry)) + entry)
         counts = {number: len(entry) // 16 for number, entry in entries.items()}
-        return cls(
-            bytes(data), length, min(times), max(times), len(packed), len(content), indexes, counts
-        )
+        return cls(bytes(data), length, min(times), max(times), len(packed), len(content), indexes, counts)
 
 
 @dataclass(slots=True)

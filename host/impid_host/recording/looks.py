@@ -1,10 +1,9 @@
 """Samples, statuses and clock exchanges as messages for looking.
 
-A message of `/samples` holds up to ten samples that follow each other: the first as plain numbers, which is what
-plots show, 100 times a second; the rest as steps from one to the next. Row i has index `index + i` and stamp
-`t_us + 1000 i`. Ten, for at a message a sample the hour of noisy readings takes 65 MB more, and PlotJuggler and Foxglove
-plot no lists over time.
-"""
+A message of `/samples` holds up to ten samples that follow each other: the first as plain numbers, which
+is what plots show, 100 times a second; the rest as steps from one to the next. Row i has index `index +
+i` and stamp `t_us + 1000 i`. Ten, for at a message a sample the hour of noisy readings takes 65 MB more,
+and PlotJuggler and Foxglove plot no lists over time."""
 
 from dataclasses import asdict
 

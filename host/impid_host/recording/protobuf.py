@@ -1,8 +1,7 @@
 """As much of the protobuf wire format as a recording needs: numbers, bytes, and the schema of a message.
 
-Protobuf is what Foxglove and PlotJuggler plot and what stays small; its runtime is no dependency for five kinds of
-fields. The tests read what is written here with Google's library.
-"""
+Protobuf is what Foxglove and PlotJuggler plot and what stays small; its runtime is no dependency for five
+kinds of fields. The tests read what is written here with Google's library."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -55,7 +54,8 @@ def zigzag(values: NDArray[np.int64]) -> NDArray[np.uint64]:
 
 
 def varints(values: NDArray[np.uint64]) -> tuple[bytes, NDArray[np.int64]]:
-    """Numbers (N,) as varints one after the other, and where each begins and the last ends, shape (N + 1,)."""
+    """Numbers (N,) as varints one after the other, and where each begins and the last ends, shape (N +
+    1,)."""
     length = np.ones(len(values), np.int64)
     for bits in range(7, 64, 7):
         length += values >= np.uint64(1 << bits)

@@ -1,8 +1,7 @@
 """Reads a recording, whole or cut off, and decodes its raw bytes anew.
 
-One pass in pieces: `read_recording` keeps the samples, `survey` what can be said without them, `sample_pieces` hands
-them on. A file of a day takes no more memory than what is kept.
-"""
+One pass in pieces: `read_recording` keeps the samples, `survey` what can be said without them,
+`sample_pieces` hands them on. A file of a day takes no more memory than what is kept."""
 
 import base64
 import json
@@ -16,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impid_host.clock.device import ClockExchange, Exchanges
+from impid_host.errors import InputError
 from impid_host.recording import channels
 from impid_host.recording.ledger import TOLD, EndedBoot, RunLedger, balance, told_by
 from impid_host.recording.records import Message, Metadata, Window, open_records
@@ -97,13 +97,13 @@ def read_recording(path: Path, window: Window | None = None) -> Recording:
     return reading.recording(tuple(grown.whole() for grown in growing.values()))
 
 
-def survey(path: Path) -> Recording:
-    """What a recording of any length holds, without its samples.
+def survey(path: Path, window: Window | None = None) -> Recording:
+    """What a recording of any length, or a window of one, holds, without its samples.
 
     Raises:
         InputError: no such file, or not a recording of impid-host.
     """
-    reading = _Reading(path, None, keep=False)
+    reading = _Reading(path, window, keep=False)
     for _ in reading.pieces():
         pass
     return reading.recording(())
@@ -118,25 +118,21 @@ def sample_pieces(path: Path, window: Window | None = None) -> Iterator[Segment]
     return _Reading(path, window, keep=False).pieces()
 
 
-def raw_pieces(path: Path, window: Window | None = None) -> Iterator[tuple[bytes, int]]:
-    """The bytes that came in, in order, and wall minus monotonic clock at the first, ns.
-
-    Raises:
-        InputError: no such file, or not a recording of impid-host.
-    """
-    reading = _Reading(path, window, keep=False)
-    for data in reading.raw():
-        yield data, reading.wall_minus_monotonic_ns or 0
-
-
-def read_raw_can(path: Path) -> Iterator[tuple[NDArray[np.void], int]]:
+def read_raw_can(path: Path, window: Window | None = None) -> Iterator[tuple[NDArray[np.void], int]]:
     """The CAN frames that came in, in pieces of shape (N,) of CAN_FRAME, and wall minus monotonic clock, ns.
 
     Raises:
-        InputError: no such file, or not a recording of impid-host.
+        InputError: no such file, not a recording of impid-host, or one of a serial line.
     """
-    for data, wall_minus_monotonic_ns in raw_pieces(path):
-        yield unpack_frames(data), wall_minus_monotonic_ns
+    reading = _Reading(path, window, keep=False)
+    for data in reading.raw():
+        if reading.carrier is not CAN:
+            raise InputError(
+                path,
+                "was recorded over a serial line and holds no CAN frames",
+                "export it as .parquet, .mat or a study folder",
+            )
+        yield unpack_frames(data), reading.wall_minus_monotonic_ns or 0
 
 
 @dataclass(slots=True)
@@ -285,7 +281,9 @@ class _Reading:
             self._waiting += base64.b64decode(body["data"], validate=True)
         elif topic == channels.OLD_CLOCK:
             body = json.loads(data)
-            self._exchange(int(body["boot_id"]), [int(body[key]) for key in ("t1_ns", "t2_us", "t3_us", "t4_ns")])
+            self._exchange(
+                int(body["boot_id"]), [int(body[key]) for key in ("t1_ns", "t2_us", "t3_us", "t4_ns")]
+            )
 
     def _is_behind(self, window: Window, at_s: float, position: Position | None) -> bool:
         """Take in where the stream stands at a chunk of the window; True for the one that ends it."""

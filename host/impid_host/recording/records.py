@@ -1,9 +1,8 @@
 """The records of a recording's file in order, whatever has happened to the file.
 
-Damage costs the records that it touches: behind it the reading goes on at the next record that is
-whole, which is a chunk whose checksum holds. A cut-off file ends with what could not be read any more. Chunks that
-hold nothing but what is for looking are passed over unopened.
-"""
+Damage costs the records that it touches: behind it the reading goes on at the next record that is whole,
+which is a chunk whose checksum holds. A cut-off file ends with what could not be read any more. Chunks
+that hold nothing but what is for looking are passed over unopened."""
 
 import mmap
 import struct
@@ -11,6 +10,7 @@ import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
+from math import isinf
 from pathlib import Path
 from typing import NamedTuple
 
@@ -37,8 +37,8 @@ _RELEASE_BYTES = 16 << 20
 
 
 class Message(NamedTuple):
-    """A message: its topic (None where no channel describes it), its content, and the first log time of its chunk,
-    s since that of the first chunk."""
+    """A message: its topic (None where no channel describes it), its content, and the first log time of
+    its chunk, s since that of the first chunk."""
 
     topic: str | None
     data: bytes
@@ -79,16 +79,19 @@ class RecordFile:
     _unopener: zstandard.ZstdDecompressor = field(default_factory=zstandard.ZstdDecompressor)
 
     def items(self, window: Window | None = None) -> Iterator[Message | Metadata]:
-        """Messages and metadata in order. Of a window: the metadata at the beginning of the file, then what was
-        recorded from half a second before the window to the first chunk behind it."""
+        """Messages and metadata in order. Of a window: the metadata at the beginning of the file, then
+        what was recorded from half a second before the window to the first chunk behind it."""
         first = self._next_chunk(self._body)
         self._origin_ns = None if first is None else self._start_ns(first)
         if window is None or self._origin_ns is None or first is None:
             yield from self._run(self._body, len(self._data))
             return
         yield from self._run(self._body, first)
+        if self.profile == channels.OLD_PROFILE:  # it described its channels in the first chunk
+            for _ in self._open(first, self._behind(first) or len(self._data)):
+                pass
         start_ns = self._origin_ns + round(window.start_s * _NS) - _LEAD_NS
-        stop_ns = self._origin_ns + round(window.stop_s * _NS)
+        stop_ns = None if isinf(window.stop_s) else self._origin_ns + round(window.stop_s * _NS)
         yield from self._run(self._seek(first, start_ns - _SLACK_NS), len(self._data), start_ns, stop_ns)
 
     def _run(
@@ -118,8 +121,8 @@ class RecordFile:
                 released = at
         if end == len(self._data):
             self.warnings.append(
-                f"{self.path}: was cut off (power cut, crash or full disk): up to 0.1 s before its end "
-                f"is missing, and {len(self._data) - at} of its {len(self._data)} bytes are an incomplete record"
+                f"{self.path}: was cut off (power cut, crash or full disk): up to 0.1 s before its end is "
+                f"missing, and {len(self._data) - at} of its {len(self._data)} bytes are an incomplete record"
             )
 
     def _record(self, at: int, behind: int, start_ns: int) -> Iterator[Message | Metadata]:
@@ -149,7 +152,9 @@ class RecordFile:
             return False
         name_length = _CHUNK_HEAD.unpack_from(self._data, start)[4]
         start += _CHUNK_HEAD.size + name_length + _U64.size
-        return name_length <= 4 and start <= end and end - start == _U64.unpack_from(self._data, start - 8)[0]
+        return bool(
+            name_length <= 4 and start <= end and end - start == _U64.unpack_from(self._data, start - 8)[0]
+        )
 
     def _parts(self, at: int, end: int) -> tuple[int, int, bytes]:
         """Size and checksum of what a chunk holds, and its compressed content.

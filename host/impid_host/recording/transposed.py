@@ -1,9 +1,8 @@
 """Wire bytes put in an order in which they compress: frames of one kind side by side, byte by byte.
 
-The bytes are cut into rows (serial: at the delimiter; CAN: one packed frame each), rows of one key (serial: the
-length; CAN: the identifier) form a table, and each table is stored column by column. Nothing but the order
-changes: zstd makes of 100 ms of it 6 bytes where it makes 9 of the bytes as they came.
-"""
+The bytes are cut into rows (serial: at the delimiter; CAN: one packed frame each), rows of one key
+(serial: the length; CAN: the identifier) form a table, and each table is stored column by column. Nothing
+but the order changes: zstd makes of 100 ms of it 6 bytes where it makes 9 of the bytes as they came."""
 
 from functools import lru_cache
 

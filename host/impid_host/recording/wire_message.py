@@ -7,7 +7,8 @@ Every field is bytes, all numbers are little-endian:
     rx_bytes   the bytes, in that order
     tx_...     the same of what was written
     exchanges  of each: i64 t1_ns, t2_us, t3_us, t4_ns, u32 boot_id
-    position   of the sample expected next, before this message: u16 boot_id, u16 run, u32 zero, u64 index, u64 t_us
+    position   of the sample expected next, before this message: u16 boot_id, u16 run, u32 zero, u64
+               index, u64 t_us
 """
 
 import struct
@@ -33,8 +34,8 @@ _NUMBER = {name: field.number for name, field in WIRE_FIELDS.items()}
 
 @dataclass(frozen=True, slots=True)
 class WireMessage:
-    """A message read back; nothing of it is unpacked before it is asked for, and what then makes no sense is a
-    ValueError."""
+    """A message read back; nothing of it is unpacked before it is asked for, and what then makes no sense
+    is a ValueError."""
 
     carrier: str
     fields: dict[int, bytes]
@@ -87,7 +88,7 @@ def pack(
     position: Position | None,
 ) -> bytes:
     """A message of what passed, in order."""
-    fields = {}
+    fields: dict[str, bytes] = {}
     for name, chunks in (("rx", received), ("tx", sent)):
         data = b"".join(chunk.data for chunk in chunks)
         calls = np.array(

@@ -1,10 +1,10 @@
 """Writes a recording so that nothing older than 100 ms is ever only in memory.
 
-What passes over the wire is collected in chunks of up to 100 ms. Every 20 ms the chunk that still grows is handed to
-the operating system as it is, over its own earlier state: killing the program then costs well below the last
-100 ms, and a damaged place one chunk. Once a second a thread syncs the file to the disk, which bounds what a power
-cut costs; more often would wear flash cards for no gain on a killed program.
-"""
+What passes over the wire is collected in chunks of up to 100 ms. Every 20 ms the chunk that still grows
+is handed to the operating system as it is, over its own earlier state: killing the program then costs
+well below the last 100 ms, and a damaged place one chunk. Once a second a thread syncs the file to the
+disk, which bounds what a power cut costs; more often would wear flash cards for no gain on a killed
+program."""
 
 import json
 import os
@@ -194,9 +194,7 @@ class RecordingWriter:
         messages = list(self._events)
         passed = [*self._received[:1], *self._sent[:1]]
         if passed or self._exchanges:
-            began_ns = (
-                min(c.monotonic_ns for c in passed) if passed else self._exchanges[0][0].t4_ns
-            )
+            began_ns = min(c.monotonic_ns for c in passed) if passed else self._exchanges[0][0].t4_ns
             data = pack(self._carrier, self._received, self._sent, self._exchanges, self._position)
             number = self._wire.number
             messages.insert(

@@ -1,7 +1,7 @@
 """The writer of the first format of recordings, as it was: such files must be read for ever.
 
-All channels were JSON, one message a sample, the raw bytes in base64, everything in one zstd chunk each 20 ms.
-"""
+All channels were JSON, one message a sample, the raw bytes in base64, everything in one zstd chunk each
+20 ms."""
 
 import base64
 import json
@@ -15,7 +15,10 @@ from mcap.writer import CompressionType, Writer
 
 _WIRE = ("monotonic_ns", "wall_ns", "data")
 _TOPICS = {
-    "/samples": ("impid.Sample", ("boot_id", "run", "index", "t_us", "ax", "ay", "az", "enc1", "enc2", "flags")),
+    "/samples": (
+        "impid.Sample",
+        ("boot_id", "run", "index", "t_us", "ax", "ay", "az", "enc1", "enc2", "flags"),
+    ),
     "/status": ("impid.Status", tuple(f.name for f in fields(BoardStatus))),
     "/clock": ("impid.ClockExchange", ("boot_id", "t1_ns", "t2_us", "t3_us", "t4_ns")),
     "/events": ("impid.Event", ("event", "monotonic_ns", "wall_ns", "detail")),
@@ -55,7 +58,9 @@ class FirstFormatWriter:
         names = ["t_us", "ax", "ay", *(["az"] if s.az is not None else []), "enc1", "enc2", "flags"]
         rows = zip(segment.index.tolist(), *(getattr(s, name).tolist() for name in names), strict=True)
         for row in rows:
-            body = {"boot_id": segment.boot_id, "run": segment.run} | dict(zip(["index", *names], row, strict=True))
+            body = {"boot_id": segment.boot_id, "run": segment.run} | dict(
+                zip(["index", *names], row, strict=True)
+            )
             self._json("/samples", received_ns, body)
 
     def status(self, status: BoardStatus, received_ns: int) -> None:

@@ -53,7 +53,11 @@ def ended(produced: int | None, *, half_us: int = 0, off_us: int = 300_000) -> E
 
 def test_what_the_next_boot_still_knows_closes_the_books() -> None:
     (ledger,) = balance(
-        [Run.of(segment())], [NewRun(7, 0, FIRST_US, False)], told_by([]), [started(START_INDEX - 3)], [ended(3 + STORED + 4)]
+        [Run.of(segment())],
+        [NewRun(7, 0, FIRST_US, False)],
+        told_by([]),
+        [started(START_INDEX - 3)],
+        [ended(3 + STORED + 4)],
     )
     assert (ledger.lost_before, ledger.lost_inside, ledger.lost_after) == (3, 0, 4)
     assert (ledger.produced, ledger.balanced, ledger.uncounted) == (STORED + 7, True, 0)
@@ -72,7 +76,11 @@ def test_after_a_loss_of_power_the_clock_gives_a_bound(half_us: int, off_us: int
     """At least what the board can have made, 4 ms of samples less two of the filter; at most the gap, and the
     pings' own uncertainty."""
     (ledger,) = balance(
-        [Run.of(segment())], [], told_by([]), [started(START_INDEX)], [ended(None, half_us=half_us, off_us=off_us)]
+        [Run.of(segment())],
+        [],
+        told_by([]),
+        [started(START_INDEX)],
+        [ended(None, half_us=half_us, off_us=off_us)],
     )
     assert (ledger.produced, ledger.balanced) == (None, None)
     gap_ms = (4000 + off_us + 2 * half_us) / 1000

@@ -1,4 +1,5 @@
-"""Messages of a recording read by the libraries of others: mcap for the file, Google's protobuf for what is in it."""
+"""Messages of a recording read by the libraries of others: mcap for the file, Google's protobuf for what
+is in it."""
 
 import json
 from collections.abc import Iterator
