@@ -12,6 +12,7 @@ from impid_host.clock.device import ClockExchange
 from impid_host.recording.runs import Run
 from impid_host.wire.messages import OPCODE, RESULT, SAMPLE_PERIOD_US
 from impid_host.wire.records import BoardStatus, Loss, NewRun, Response
+from impid_host.wire.statuses import Statuses
 
 _MASK32 = 0xFFFFFFFF
 # Two crystals of a cheap board and a PC, in the worst case.
@@ -89,6 +90,11 @@ TOLD = np.dtype([("boot_id", "<u2"), ("t_us", "<u8"), ("next_index", "<u4"), ("p
 
 def told_by(statuses: Iterable[BoardStatus]) -> NDArray[Any]:
     """What statuses say of the samples produced, shape (N,) of TOLD."""
+    if isinstance(statuses, Statuses):
+        told = np.zeros(len(statuses), TOLD)
+        for name, column in zip(TOLD.names or (), statuses.told(), strict=True):
+            told[name] = column
+        return told
     return np.array([(s.boot_id, s.t_us, s.next_index, s.produced) for s in statuses], dtype=TOLD)
 
 

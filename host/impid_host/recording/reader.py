@@ -26,6 +26,7 @@ from impid_host.wire.can_frames import unpack_frames
 from impid_host.wire.carrier import CAN, SERIAL, Carrier
 from impid_host.wire.decoder import LinkCounts
 from impid_host.wire.records import BoardStatus, Decoded, Loss, NewRun, Response, Segment, since
+from impid_host.wire.statuses import Statuses
 from impid_host.wire.tracker import Position
 
 _PIECE_BYTES = 1 << 20
@@ -65,7 +66,7 @@ class Recording:
     metadata: dict[str, dict[str, str]]
     segments: tuple[Segment, ...]
     runs: tuple[Run, ...]
-    statuses: tuple[BoardStatus, ...]
+    statuses: Sequence[BoardStatus]
     responses: tuple[Response, ...]
     exchanges: dict[int, Sequence[ClockExchange]]
     events: tuple[RecordedEvent, ...]
@@ -175,7 +176,7 @@ class _Reading:
     _waiting: bytearray = field(default_factory=bytearray)
     _exchanges: dict[int, "array[int]"] = field(default_factory=dict)
     _told: list[NDArray[Any]] = field(default_factory=list)
-    _statuses: list[BoardStatus] = field(default_factory=list)
+    _statuses: list[Sequence[BoardStatus]] = field(default_factory=list)
     _responses: list[Response] = field(default_factory=list)
     _changes: list[Loss | NewRun] = field(default_factory=list)
     _counts: Callable[[], LinkCounts] = field(default=lambda: SERIAL.decoder().counts)
@@ -237,7 +238,7 @@ class _Reading:
             metadata=self.metadata,
             segments=segments,
             runs=tuple(run for run in runs if run.stored),
-            statuses=tuple(self._statuses),
+            statuses=_joined(self._statuses),
             responses=tuple(self._responses),
             exchanges=exchanges,
             events=tuple(self.events),
@@ -299,9 +300,8 @@ class _Reading:
 
     def _note(self, decoded: Decoded) -> None:
         self._told.append(told_by(decoded.statuses))
-        if decoded.statuses and not self.keep:
-            self._statuses.clear()
-        self._statuses += decoded.statuses if self.keep else decoded.statuses[-1:]
+        if decoded.statuses:
+            self._statuses = [*self._statuses, decoded.statuses] if self.keep else [decoded.statuses[-1:]]
         self._responses += decoded.responses
         self._changes += decoded.events
 
@@ -328,6 +328,13 @@ class _Reading:
             for event in self.events
             if event.name == "boot"
         ]
+
+
+def _joined(parts: list[Sequence[BoardStatus]]) -> Sequence[BoardStatus]:
+    rows = [part for part in parts if isinstance(part, Statuses)]
+    if rows and len(rows) == len(parts):
+        return Statuses.joined(rows)
+    return tuple(status for part in parts for status in part)
 
 
 _CARRIERS = {channels.WIRE.name: SERIAL, channels.CAN_WIRE.name: CAN}

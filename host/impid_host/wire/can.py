@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impid_host.samples import FLAG_RESET
-from impid_host.wire.decoder import LinkCounts, device_samples, scalars
+from impid_host.wire.decoder import LinkCounts, device_samples
 from impid_host.wire.messages import (
     ACCEL,
     ACCEL_FINE,
@@ -35,6 +35,7 @@ from impid_host.wire.messages import (
     Words,
 )
 from impid_host.wire.records import BoardStatus, Decoded, Loss, NewRun, Pong, Response, Segment
+from impid_host.wire.statuses import scalars
 from impid_host.wire.tracker import Groups, Position, Tracker
 
 _MASK32 = 0xFFFFFFFF

@@ -1,5 +1,6 @@
 """What comes out of the wire, whichever carrier brought it."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from itertools import groupby
 
@@ -120,7 +121,7 @@ class Decoded:
     """Everything that one piece of the stream contained."""
 
     segments: tuple[Segment, ...] = ()
-    statuses: tuple[BoardStatus, ...] = ()
+    statuses: Sequence[BoardStatus] = ()
     responses: tuple[Response, ...] = ()
     pongs: tuple[Pong, ...] = ()
     events: tuple[Loss | NewRun, ...] = ()
