@@ -110,11 +110,13 @@ class SerialDecoder:
 
     def _count_lost_frames(self, frames: Frames) -> None:
         boots, seqs = frames.headers["boot_id"], frames.headers["frame_seq"]
+        if self._last_frame is not None:
+            boots = np.append(np.uint16(self._last_frame[0]), boots)
+            seqs = np.append(np.uint16(self._last_frame[1]), seqs)
         missing = np.diff(seqs) - np.uint16(1)
         if (boots == boots[0]).all() and (missing < _SEQ_MODULUS // 2).all():
-            self._count_lost_before(int(boots[0]), int(seqs[0]))
             self._lost_frames += int(missing.sum(dtype=np.int64))
-            self._last_frame = (int(boots[-1]), int(seqs[-1])) if len(seqs) > 1 else self._last_frame
+            self._last_frame = (int(boots[-1]), int(seqs[-1]))
             return
         for boot_id, seq in zip(boots.tolist(), seqs.tolist(), strict=True):
             self._count_lost_before(boot_id, seq)
@@ -122,7 +124,7 @@ class SerialDecoder:
     def _count_lost_before(self, boot_id: int, seq: int) -> None:
         if self._last_frame is not None and self._last_frame[0] == boot_id:
             missing = (seq - self._last_frame[1] - 1) % _SEQ_MODULUS
-            if missing >= _SEQ_MODULUS // 2:  # an echo of an older frame: nothing is missing
+            if missing >= _SEQ_MODULUS // 2:  # an echo of an older frame, or itself: nothing is missing
                 return
             self._lost_frames += missing
         self._last_frame = (boot_id, seq)
@@ -144,11 +146,13 @@ class SerialDecoder:
         starts = np.append(ends - count, len(words))
         segments = []
         for span in spans:
-            rows = slice(int(starts[span.start]), int(starts[span.stop])) index =
-            np.uint64(span.first_index) + np.arange(rows.stop - rows.start, dtype=np.uint64) # Of wide
-            sensors span by span: a narrow one may follow on the same line. narrow = columns and {name:
-            column[rows] for name, column in columns.items()} samples = DeviceSamples(t_us=t_us[rows],
-            seq=low32[rows], **(narrow or sample_columns(words[rows])))
+            rows = slice(int(starts[span.start]), int(starts[span.stop]))
+            index = np.uint64(span.first_index) + np.arange(rows.stop - rows.start, dtype=np.uint64)
+            # Of wide sensors span by span: a narrow one may follow on the same line.
+            narrow = columns and {name: column[rows] for name, column in columns.items()}
+            samples = DeviceSamples(
+                t_us=t_us[rows], seq=low32[rows], **(narrow or sample_columns(words[rows]))
+            )
             segments.append(Segment(span.boot_id, span.run, index, samples))
         return segments, events
 
@@ -159,7 +163,7 @@ class SerialDecoder:
         samples contradict their header (None: none)."""
         if self._deframer.native and words.shape[1] == _NARROW:
             return native.unpack(words, low32)
-        wrong = _contradicts(low32, ACCEL.unpack(words[:, 0]), ENCODER.unpack(words[:, 1]))
+        wrong = _contradicts(low32.astype(np.uint64), ACCEL.unpack(words[:, 0]), ENCODER.unpack(words[:, 1]))
         return sample_columns(words) if words.shape[1] == _NARROW else {}, wrong if wrong.any() else None
 
 

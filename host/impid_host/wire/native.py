@@ -28,8 +28,9 @@ _ACCEL = ("ax", "ay", "index_low16", "flags", "enc1_high4", "enc2_high4")
 _ENCODER = ("enc1_low28", "enc2_low28", "index_low8")
 
 
-def deframe(data: bytes, *, joined: bool, overlong: bool) -> tuple[NDArray[Any], NDArray[np.uint8],
-NDArray[np.int64], Any]:
+def deframe(
+    data: bytes, *, joined: bool, overlong: bool
+) -> tuple[NDArray[Any], NDArray[np.uint8], NDArray[np.int64], Any]:
     """Headers (N,), records of all frames, their ends (N,), and an `impid_deframed`."""
     headers = np.empty(len(data), np.uint8)
     records = np.empty(len(data), np.uint8)
@@ -49,20 +50,23 @@ NDArray[np.int64], Any]:
     return told, records[: found.record_bytes], ends[: found.frames], found
 
 
-def unpack(words: Words, index: NDArray[np.uint32]) -> tuple[dict[str, NDArray[Any]], NDArray[np.bool_] |
-None]:
+def unpack(
+    words: Words, index: NDArray[np.uint32]
+) -> tuple[dict[str, NDArray[Any]], NDArray[np.bool_] | None]:
     """Columns ax, ay, enc1, enc2, flags of N samples of two words, shape (N, 2) in one piece, whose header
-    counts `index`; and where their own index bits contradict it, None: nowhere.""" count = len(words)
-    kinds = {"ax": "u2", "ay": "u2", "enc1": "i4", "enc2": "i4", "flags": "u1"} columns = {name:
-    np.empty(count, kind) for name, kind in kinds.items()} wrong = np.empty(count, np.bool_) pointers =
-    {name: ffi.from_buffer(_POINTER[column.dtype.str[1:]], column) for name, column in columns.items()}
+    counts `index`; and where their own index bits contradict it, None: nowhere."""
+    count = len(words)
+    kinds = {"ax": "u2", "ay": "u2", "enc1": "i4", "enc2": "i4", "flags": "u1"}
+    columns = {name: np.empty(count, kind) for name, kind in kinds.items()}
+    wrong = np.empty(count, np.bool_)
+    pointers = [ffi.from_buffer(_POINTER[kind], columns[name]) for name, kind in kinds.items()]
     contradicting = lib.impid_unpack(
         _SAMPLES,
         ffi.from_buffer("uint64_t[]", words),
         count,
         ffi.from_buffer("uint32_t[]", index),
         0xFF ^ FLAG_FINE,
-        *(pointers[name] for name in kinds),
+        *pointers,
         ffi.from_buffer("uint8_t[]", wrong),
     )
     return columns, wrong if contradicting else None
@@ -78,9 +82,10 @@ def _offset(name: str) -> int:
 
 
 def _frame_layout() -> Any:
-    layout = ffi.new("impid_frame_layout *") layout.header_bytes, layout.version, layout.largest =
-    HEADER.itemsize, PROTOCOL_VERSION, LARGEST_FRAME_BYTES layout.kind_at, layout.version_at,
-    layout.count_at = map(_offset, ("kind", "version", "count"))
+    layout = ffi.new("impid_frame_layout *")
+    layout.header_bytes, layout.version = HEADER.itemsize, PROTOCOL_VERSION
+    layout.largest = LARGEST_FRAME_BYTES
+    layout.kind_at, layout.version_at, layout.count_at = map(_offset, ("kind", "version", "count"))
     for kind, sizes in RECORD_BYTES.items():
         for n, size in enumerate(sizes):
             layout.record_bytes[kind][n] = size

@@ -62,9 +62,8 @@ class Statuses(Sequence[BoardStatus]):
         for layout, word in zip(STATUS[: self._sent[which]], self._words[which].tolist(), strict=False):
             signals |= scalars(layout, word)
         header = self._headers[which]
-        return BoardStatus(
-            int(header["boot_id"]), int(header["t0_us"]), int(header["first_index"]), **signals
-        )
+        boot_id, t_us, next_index = (int(header[name]) for name in ("boot_id", "t0_us", "first_index"))
+        return BoardStatus(boot_id, t_us, next_index, **signals)
 
     def __iter__(self) -> Iterator[BoardStatus]:
         return (self[n] for n in range(len(self)))

@@ -18,12 +18,14 @@ RNG = np.random.default_rng(17)
 
 
 def frame(number: int, kind: str = "SAMPLES", boot_id: int = 5) -> bytes:
-    count = int(RNG.integers(1, 12)) index = 1000 * number + np.arange(count) enc1, enc2 = RNG.integers(0,
-    1 << 32, (2, count), dtype=np.uint64) contradicting = int(RNG.random() < 0.1) ax, flags =
-    RNG.integers(0, 1 << 16, count), RNG.integers(0, 32, count) accel = ACCEL.pack(ax=ax, ay=ax ^ 77,
-    index_low16=index + contradicting, flags=flags, enc1_high4=enc1 >> 28) encoder =
-    ENCODER.pack(enc1_low28=enc1, enc2_low28=enc2, index_low8=index) records = np.stack([accel, encoder],
-    axis=1).tobytes()
+    count = int(RNG.integers(1, 12))
+    index = 1000 * number + np.arange(count)
+    enc1, enc2 = RNG.integers(0, 1 << 32, (2, count), dtype=np.uint64)
+    low16 = index + int(RNG.random() < 0.1)  # now and then it contradicts the header
+    ax, flags = RNG.integers(0, 1 << 16, count), RNG.integers(0, 32, count)
+    accel = ACCEL.pack(ax=ax, ay=ax ^ 77, index_low16=low16, flags=flags, enc1_high4=enc1 >> 28)
+    encoder = ENCODER.pack(enc1_low28=enc1, enc2_low28=enc2, index_low8=index)
+    records = np.stack([accel, encoder], axis=1).tobytes()
     if kind != "SAMPLES":
         records = RNG.bytes(count * RECORD_BYTES[KIND[kind]][0])
     header = Header(
@@ -48,8 +50,9 @@ def streams() -> list[bytes]:
                 damaged[at:at] = RNG.bytes(5)
             case _:
                 damaged[at] = 0
-    long = b"\0" + bytes([7]) * (3 * LARGEST_FRAME_BYTES) + whole[: len(whole) // 3] full =
-    b"".join(bytes([255]) + bytes(RNG.integers(1, 256, 254).astype(np.uint8)) for _ in range(4)) + b"\0"
+    long = b"\0" + bytes([7]) * (3 * LARGEST_FRAME_BYTES) + whole[: len(whole) // 3]
+    blocks = (bytes([255]) + bytes(RNG.integers(1, 256, 254).astype(np.uint8)) for _ in range(4))
+    full = b"".join(blocks) + b"\0"
     return [
         GOLDEN.joinpath("serial.bin").read_bytes(),
         whole,
