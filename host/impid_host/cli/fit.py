@@ -1,15 +1,19 @@
 """`impid-host fit`: the robot, then the load or arm, of a study. What it does is in `fit_run`."""
 
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import click
 
 from impid_host.cli.inputs import load_inputs
 from impid_host.cli.pair import PAIR
+from impid_host.cli.window import window_option
 from impid_host.impedance.varying.schedule import Schedule
 from impid_host.robot.terms import TERMS
 from impid_host.signals.chain import CHAINS, DEFAULT
+
+if TYPE_CHECKING:
+    from impid_host.recording.records import Window
 
 REFLEX = "load.delay"
 
@@ -25,6 +29,7 @@ REFLEX = "load.delay"
     help="Robot log (CSV) of each recording, in order.",
 )
 @click.option("--setup", type=click.Path(path_type=Path), help="setup.toml that goes with recordings.")
+@window_option
 @click.option(
     "--chain",
     type=click.Choice(list(CHAINS)),
@@ -99,6 +104,7 @@ def command(
     paths: tuple[Path, ...],
     robot_log: tuple[Path, ...],
     setup: Path | None,
+    window: "Window | None",
     chain: str,
     acceleration: Literal["accelerometer", "angles"] | None,
     cutoff: float | None,
@@ -144,7 +150,7 @@ def command(
     if model_file is not None and chain != DEFAULT.name:
         raise click.UsageError("--model goes with --chain default: its effects act on those signals")
     schedule = None if varying is None else Schedule(varying)
-    study = load_inputs(paths, robot_log, setup, () if schedule is None else schedule.columns)
+    study = load_inputs(paths, robot_log, setup, () if schedule is None else schedule.columns, window)
     from impid_host.cli.fit_run import Wishes, run  # noqa: PLC0415  (half a second in all)
 
     wishes = Wishes(

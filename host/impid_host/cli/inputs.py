@@ -19,6 +19,7 @@ from impid_host.study.setup_file import read_setup
 
 if TYPE_CHECKING:
     from impid_host.recording.reader import Recording
+    from impid_host.recording.records import Window
 
 _KIND_OF_NAME: tuple[tuple[str, TrialKind], ...] = (
     ("free", "free"),
@@ -30,9 +31,13 @@ _KIND_OF_NAME: tuple[tuple[str, TrialKind], ...] = (
 
 
 def load_inputs(
-    paths: Sequence[Path], robot_logs: Sequence[Path], setup: Path | None, also: Sequence[str] = ()
+    paths: Sequence[Path],
+    robot_logs: Sequence[Path],
+    setup: Path | None,
+    also: Sequence[str] = (),
+    window: "Window | None" = None,
 ) -> Study:
-    """A study folder as it is, or recordings, one robot log each, with the apparatus of `setup`.
+    """A study folder as it is, or recordings (or a window of each), one robot log each, with their apparatus.
 
     `also` names other columns of the robot's logs to be kept.
 
@@ -45,6 +50,8 @@ def load_inputs(
                 raise InputError(
                     paths[1], "is one path too many", "give one study folder, or recordings (.mcap)"
                 )
+            if window is not None:
+                raise InputError(paths[0], "is a study; --window is for recordings", "leave --window out")
             return read_study(paths[0], also)
         if setup is None:
             raise InputError(paths[0], "is a recording and needs its apparatus", "add --setup setup.toml")
@@ -53,7 +60,7 @@ def load_inputs(
             raise InputError(paths[0], what, "give one --robot-log for each recording, in the same order")
         from impid_host.calibration.applied import with_calibration  # noqa: PLC0415  (of recordings alone)
 
-        recordings = [_recording(path) for path in paths]
+        recordings = [_recording(path, window) for path in paths]
         apparatus, words = with_calibration(read_setup(setup), recordings)
         if words:
             click.echo(words, err=True)
@@ -80,10 +87,10 @@ def load_studies(paths: Sequence[Path]) -> list[Study]:
     return [replace(study, name=names[str(place)]) for study, place in zip(read, places, strict=True)]
 
 
-def _recording(path: Path) -> "Recording":
+def _recording(path: Path, window: "Window | None") -> "Recording":
     from impid_host.recording.reader import read_recording  # noqa: PLC0415  (the wire formats are slow to load)
 
-    recording = read_recording(path)
+    recording = read_recording(path, window)
     for warning in recording.warnings:
         click.echo(f"{path}: {warning}", err=True)
     return recording
