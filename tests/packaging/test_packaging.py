@@ -38,18 +38,8 @@ BATCH = (
 OPTIONAL = (
     *OF_THE_SIMULATOR,
     *OF_THE_BATCH,
-    *(
-        "aiohttp",
-        "can",
-        "cantools",
-        "h5py",
-        "msgpack",
-        "pandas",
-        "pinocchio",
-        "pint",
-        "rosbags",
-        "simpleeval",
-    ),
+    *("aiohttp", "asammdf", "can", "cantools", "ezc3d", "h5py", "msgpack", "pandas", "pinocchio"),
+    *("pint", "pyxdf", "rosbags", "simpleeval", "xarray"),
 )
 # What drives an optional library by design.
 DRIVERS = {"impid_host.view.server", "impid_host.link.can_bus", "impid_host.recording.export.can_log"}
@@ -183,6 +173,15 @@ def test_the_simulator_serves_tcp_where_there_are_no_terminals() -> None:
             BATCH.format(studies=".", more=["--scheduler", "tcp://127.0.0.1:1"]),
             "distributed",
             "--scheduler needs distributed: pip install 'impid[batch]'",
+        ),
+        *(
+            (
+                f"from pathlib import Path\nfrom impid_host.study.{kind}_log import read_{kind}\n"
+                f"try: read_{kind}(Path('a.{kind}'))\nexcept Exception as e: raise SystemExit(str(e))",
+                library,
+                f"a.{kind} ({kind.upper()}) needs {library}: pip install 'impid[{kind}]'",
+            )
+            for kind, library in (("xdf", "pyxdf"), ("mdf", "asammdf"), ("c3d", "ezc3d"))
         ),
     ],
 )

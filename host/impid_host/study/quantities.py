@@ -26,7 +26,7 @@ def si_unit(column: str, slides: Sequence[bool]) -> str:
     Args:
         slides: which joints are prismatic.
     """
-    if column == "t":
+    if column in ("t", "acc_t"):
         return "s"
     if column == "sync":
         return ""
