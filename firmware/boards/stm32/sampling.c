@@ -2,27 +2,26 @@
 
 #include "adxl355.h"
 #include "board.h"
-#include "clock.h"
+#include "converters.h"
 #include "fault.h"
 #include "interrupts.h"
+#include "parts.h"
 #include "pin.h"
 #include "registers.h"
 #include "timebase.h"
 
 enum { AF_TIM3 = 2 };
 
-#define CONVERSIONS    (2u * IMPID_OVERSAMPLING) /* two halves */
-#define ENCODER_FILTER 3u /* eight equal readings at 90 MHz: pulses below 89 ns are ignored */
+/* Eight equal readings: at 90 MHz pulses below 89 ns are ignored, at 144 MHz below 56 ns. */
+#define ENCODER_FILTER 3u
 /* An overdue half is overwritten from its first conversion on: 125 us after the next tick's instant, less
  * what the tick itself takes. */
 #define READABLE_US (BOARD_DIGITAL ? 0u : 50u)
-/* The reference is read so often, and takes 22 us of the 125 us to the next trigger. */
+/* The reference is read so often, and takes at most 22 us of the 125 us to the next trigger. */
 #define SUPPLY_TICKS    128u
 #define SUPPLY_START_US 60u
 
-/* Written by DMA. The word that both converters make of one trigger has x in its low half: x comes first. */
-static volatile uint16_t conversions[CONVERSIONS][2] __attribute__((aligned(4)));
-static volatile uint32_t latched[2][CONVERSIONS];
+static conversions_t conversions;
 
 static impid_core_t *core;
 /* Of the interrupt alone. */
@@ -41,39 +40,16 @@ static volatile uint32_t edge_clock = SAMPLING_TRIGGER_CLOCKS;
 
 /* --- Supply -------------------------------------------------------------------------------------- */
 
-enum { CALIBRATED_AT_MV = 3300, READINGS = 8 };
+#define READINGS 8u
 
 static void set_supply(uint32_t sum) {
     uint32_t calibrated = *VREFINT_CAL;
-    supply_mV = sum == 0u ? 0u : (uint16_t)((CALIBRATED_AT_MV * READINGS * calibrated + sum / 2u) / sum);
-}
-
-static uint32_t convert_once(void) {
-    ADC1->SR = 0u;
-    ADC1->CR2 |= ADC_CR2_SWSTART;
-    /* Bounded: a conversion takes 492 ADC clocks, 22 us. */
-    for (uint32_t i = 0; i < 10000u; i++) {
-        if ((ADC1->SR & ADC_SR_EOC) != 0u) {
-            return ADC1->DR;
-        }
-    }
-    return 0u;
+    supply_mV =
+        sum == 0u ? 0u : (uint16_t)((REFERENCE_CALIBRATED_AT_MV * READINGS * calibrated + sum / 2u) / sum);
 }
 
 void sampling_measure_supply(void) {
-    clock_enable(&RCC->APB2ENR, RCC_APB2ENR_ADC1 | RCC_APB2ENR_ADC2);
-    ADC_COMMON->CCR = ADC_CCR_PCLK2_BY_4 | ADC_CCR_TSVREFE;
-    ADC1->SMPR1 = ADC_SMP_480_CYCLES << (3u * (ADC_VREFINT_CHANNEL - 10u));
-    ADC1->SQR3 = ADC_VREFINT_CHANNEL;
-    ADC1->CR2 = ADC_CR2_ADON;
-    uint32_t sum = 0;
-    /* The first readings fall into the 10 us that the reference needs to start. */
-    for (uint32_t i = 0; i < 2u * READINGS; i++) {
-        uint32_t code = convert_once();
-        sum += i < READINGS ? 0u : code;
-    }
-    ADC1->CR2 = 0u;
-    set_supply(sum);
+    set_supply(converters_reference(READINGS));
 }
 
 /* Interrupt, at the end of a tick: the reading begun at the one before, and the next begun. `since_us`: since
@@ -81,9 +57,8 @@ void sampling_measure_supply(void) {
 static void follow_supply(uint32_t since_us) {
     static uint32_t sum;
     static uint32_t readings;
-    if ((ADC1->SR & ADC_SR_JEOC) != 0u) {
-        ADC1->SR = ~ADC_SR_JEOC; /* cleared by writing 0, the others are left alone by writing 1 */
-        uint32_t code = ADC1->JDR[0];
+    uint32_t code;
+    if (converters_reference_taken(&code)) {
         impid_core_reference(core, (uint16_t)code);
         sum += code;
         readings++;
@@ -95,22 +70,11 @@ static void follow_supply(uint32_t since_us) {
     }
     bool wanted = ticks % SUPPLY_TICKS == 0u || impid_core_wants_reference(core);
     if (wanted && since_us < SUPPLY_START_US) {
-        ADC1->CR2 |= ADC_CR2_JSWSTART;
+        converters_take_reference();
     }
 }
 
 /* --- Start --------------------------------------------------------------------------------------- */
-
-static void start_stream(dma_stream_regs_t *stream, uint32_t channel, volatile const void *from,
-                         volatile const void *to, uint32_t interrupts) {
-    stream->PAR = (uint32_t)(uintptr_t)from;
-    stream->M0AR = (uint32_t)(uintptr_t)to;
-    stream->NDTR = CONVERSIONS;
-    stream->FCR = 0u;
-    stream->CR =
-        DMA_CR_CHANNEL(channel) | DMA_CR_VERY_HIGH | DMA_CR_WORDS | DMA_CR_MINC | DMA_CR_CIRC | interrupts;
-    stream->CR |= DMA_CR_EN;
-}
 
 static void start_encoder(tim_regs_t *timer, uint32_t trigger_input) {
     timer->ARR = UINT32_MAX;
@@ -125,56 +89,21 @@ static void start_encoder(tim_regs_t *timer, uint32_t trigger_input) {
     timer->CR1 = TIM_CR1_CEN;
 }
 
-static void start_converters(void) {
-    ADC1->SMPR1 = (ADC_SMP_15_CYCLES << (3u * (BOARD_ADC_X_CHANNEL - 10u))) |
-                  (ADC_SMP_480_CYCLES << (3u * (ADC_VREFINT_CHANNEL - 10u)));
-    ADC2->SMPR1 = ADC_SMP_15_CYCLES << (3u * (BOARD_ADC_Y_CHANNEL - 10u));
-    ADC1->JSQR = ADC_JSQR_ONE(ADC_VREFINT_CHANNEL);
-    ADC2->JSQR = ADC_JSQR_ONE(BOARD_ADC_Y_CHANNEL);
-    ADC1->SQR3 = BOARD_ADC_X_CHANNEL;
-    ADC2->SQR3 = BOARD_ADC_Y_CHANNEL;
-    ADC1->SR = 0u;
-    ADC1->CR1 = ADC_CR1_OVRIE;
-    /* The slave first: from the moment the master is on, a trigger would start both. */
-    ADC_COMMON->CCR = ADC_CCR_PCLK2_BY_4 | ADC_CCR_DUAL | ADC_CCR_DMA_MODE_2 | ADC_CCR_DDS | ADC_CCR_TSVREFE;
-    ADC2->CR2 = ADC_CR2_ADON;
-    ADC1->CR2 = ADC_CR2_EXTEN_RISING | ADC_CR2_EXTSEL_TIM3 | ADC_CR2_ADON;
-    /* Their 3 us to wake up are over long before the first trigger, 125 us after the start. */
-}
-
 void sampling_start(impid_core_t *the_core) {
     core = the_core;
     due_us = IMPID_PERIOD_US;
-    clock_enable(&RCC->AHB1ENR, RCC_AHB1ENR_DMA1 | RCC_AHB1ENR_DMA2);
-    clock_enable(&RCC->APB1ENR, RCC_APB1ENR_TIM2 | RCC_APB1ENR_TIM3 | RCC_APB1ENR_TIM4 | RCC_APB1ENR_TIM5 |
-                                    RCC_APB1ENR_TIM12);
-
-    start_stream(&DMA2->S[0], 0u, &ADC_COMMON->CDR, conversions, DMA_CR_HTIE | DMA_CR_TCIE | DMA_CR_TEIE);
-    start_stream(&DMA1->S[1], 3u, &TIM2->CCR3, latched[0], 0u);
-    start_stream(&DMA1->S[0], 6u, &TIM5->CCR3, latched[1], 0u);
-    start_converters();
-    start_encoder(TIM2, 2u); /* ITR2 of TIM2 is TIM3 */
-    start_encoder(TIM5, 1u); /* ITR1 of TIM5 is TIM3 */
+    parts_clock_timers();
+    converters_start(&conversions);
+    start_encoder(TIM2, ENCODER_1_FROM_TIM3);
+    start_encoder(TIM5, ENCODER_2_FROM_TIM3);
 
     TIM3->ARR = SAMPLING_TRIGGER_CLOCKS - 1u;
     TIM3->CR2 = TIM_CR2_MMS_UPDATE;
-    TIM3->SMCR = TIM_SMCR_TS_ITR(3) | TIM_SMCR_SMS_TRIGGER; /* ITR3 = TIM4 */
-
-    interrupt_enable(IRQ_ADC, PRIORITY_TICK);
-    interrupt_enable(IRQ_DMA2_STREAM0, PRIORITY_TICK);
+    TIM3->SMCR = TIM_SMCR_TS_ITR(TIM3_FROM_TIM4) | TIM_SMCR_SMS_TRIGGER;
     timebase_start();
 }
 
 /* --- Tick ---------------------------------------------------------------------------------------- */
-
-/* The three streams count the same triggers, the encoders' being at most a trigger ahead of the conversion
- * under way. If they ever differ by more, counts and conversions no longer belong together. */
-static bool latch_in_step(void) {
-    uint32_t left = DMA2->S[0].NDTR;
-    uint32_t ahead_1 = (left - DMA1->S[1].NDTR) % CONVERSIONS;
-    uint32_t ahead_2 = (left - DMA1->S[0].NDTR) % CONVERSIONS;
-    return ahead_1 <= 1u && ahead_2 <= 1u;
-}
 
 /* The edge captured last may be younger than the instant served: then it belongs to the next tick, which is
  * certain to come after it. */
@@ -210,7 +139,7 @@ static void serve_due(uint8_t lateness) {
     uint8_t flags = lateness;
     uint32_t first = half * IMPID_OVERSAMPLING;
     uint32_t last = first + IMPID_OVERSAMPLING - 1u;
-    if (!pin_read(BOARD_ENCODER_1_FAULT) || !pin_read(BOARD_ENCODER_2_FAULT) || !latch_in_step()) {
+    if (!pin_read(BOARD_ENCODER_1_FAULT) || !pin_read(BOARD_ENCODER_2_FAULT) || !converters_in_step()) {
         flags |= IMPID_FLAG_ENCODER_FAULT;
     }
     if (sync_edge_until(due_us)) {
@@ -219,16 +148,16 @@ static void serve_due(uint8_t lateness) {
     }
     impid_tick_t tick = {
         /* No longer volatile for the core: DMA does not come back to this half before 1125 us have passed. */
-        .adc = (const uint16_t *)(uintptr_t)&conversions[first][0],
+        .adc = (const uint16_t *)(uintptr_t)&conversions.codes[first][0],
         .wide = reading,
-        .encoder = {latched[0][last], latched[1][last]},
+        .encoder = {conversions.latched[0][last], conversions.latched[1][last]},
         .t_us = due_us,
         .flags = flags,
     };
     impid_core_tick(core, &tick);
     latest.encoder[0] = tick.encoder[0];
     latest.encoder[1] = tick.encoder[1];
-    latest.codes = (uint32_t)conversions[last][0] | ((uint32_t)conversions[last][1] << 16);
+    latest.codes = (uint32_t)conversions.codes[last][0] | ((uint32_t)conversions.codes[last][1] << 16);
 }
 
 /* In the first half of a period, so that the next toggle is the first of this tick's eight, or of its seven
@@ -249,18 +178,16 @@ static void pass_due(uint32_t periods) {
     half = (half + periods) % 2u;
 }
 
-void dma2_stream0_handler(void) {
+void tick_handler(void) {
     uint32_t entered_us = timebase_now_us();
-    uint32_t flags = DMA2->LISR;
-    DMA2->LIFCR = DMA_STREAM0_FLAGS;
-    if ((flags & DMA_STREAM0_TEIF) != 0u || (DMA1->LISR & DMA1_LOW_TEIFS) != 0u ||
-        (DMA1->HISR & DMA1_HIGH_TEIFS) != 0u) {
+    if (!converters_well()) {
         fault_stop(FAULT_DMA);
     }
     uint32_t behind_us = entered_us - due_us;
     if (behind_us > UINT32_MAX / 2u) {
         /* Nothing is due: a run a period late, begun between the trigger and the end of its conversion, has
-         * served this half already. In time, the interrupt comes 1.3 us after the instant. */
+         * served this half already. In time, the interrupt comes when the conversions begun at the instant
+         * are over. */
         return;
     }
     uint32_t overdue = behind_us / IMPID_PERIOD_US;

@@ -3,12 +3,11 @@
 #include "impid_assert.h"
 #include "impid_crc32.h"
 #include "impid_messages.h"
+#include "interrupts.h"
+#include "registers.h"
 #include "reset.h"
 #include "timebase.h"
 
-/* Of the chip that is built for. */
-#include <interrupts.h>
-#include <registers.h>
 #include <stdbool.h>
 #include <string.h>
 

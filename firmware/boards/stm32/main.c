@@ -1,24 +1,22 @@
 /* The board: brings the hardware up, gives the core its port, and runs the main loop. For every chip. */
 #include "adxl355.h"
+#include "bench.h"
 #include "board.h"
 #include "can.h"
+#include "clock.h"
 #include "fault.h"
 #include "flash.h"
 #include "impid_build.h"
 #include "impid_messages.h"
 #include "inputs.h"
+#include "interrupts.h"
 #include "pin.h"
+#include "registers.h"
+#include "sampling.h"
 #include "serial.h"
+#include "slots.h"
 #include "timebase.h"
 #include "watchdog.h"
-
-/* Of the chip that is built for. */
-#include <bench.h>
-#include <clock.h>
-#include <interrupts.h>
-#include <registers.h>
-#include <sampling.h>
-#include <slots.h>
 
 /* As long as a serial line can need for what is queued, twice. */
 #define RESET_PATIENCE_TICKS 30u

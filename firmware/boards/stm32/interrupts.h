@@ -7,25 +7,15 @@
  *   priority 2  transmit: serial and CAN queues, bus-off.
  *   main loop   everything else.
  *
- * Time budget of a 1000 us period at 90 MHz: tick 250 us at most (the worst run is in STATUS_HEALTH), stamps
- * 3 us each, transmit 5 us each. The main loop has the rest, and may stall 256 ms before the ring is full.
+ * Time budget of a 1000 us period at 90 MHz, the slower chip: tick 250 us at most (the worst run is in
+ * STATUS_HEALTH), stamps 3 us each, transmit 5 us each. The main loop has the rest, and may stall 256 ms
+ * before the ring is full.
  */
 #ifndef INTERRUPTS_H
 #define INTERRUPTS_H
 
+#include "irq.h"
 #include "registers.h"
-
-/* Positions in the vector table: RM0390, 10.1.3. */
-enum {
-    IRQ_DMA1_STREAM6 = 17,
-    IRQ_ADC = 18,
-    IRQ_CAN1_TX = 19,
-    IRQ_CAN1_RX0 = 20,
-    IRQ_CAN1_SCE = 22,
-    IRQ_USART2 = 38,
-    IRQ_DMA2_STREAM0 = 56,
-    IRQ_COUNT = 97
-};
 
 enum { PRIORITY_STAMP = 0, PRIORITY_TICK = 1, PRIORITY_TRANSMIT = 2 };
 
@@ -45,21 +35,17 @@ static inline void interrupts_restore(uint32_t before) {
     __asm volatile("msr primask, %0" ::"r"(before) : "memory");
 }
 
-/* What a vector table begins with, and what it is made of. */
 extern uint32_t linker_stack_top[];
 typedef void (*handler_t)(void);
 
-/* The handlers that the vector table names. */
+/* The handlers that the vector table names, besides those of the chip's CAN. */
 void reset_handler(void);
 void nmi_handler(void);
 void fault_handler(void);
 void unexpected_handler(void);
-void usart2_handler(void);
-void can1_rx0_handler(void);
-void can1_tx_handler(void);
-void can1_sce_handler(void);
-void dma1_stream6_handler(void);
-void dma2_stream0_handler(void);
+void usart2_handler(void);      /* the line has fallen idle */
+void serial_sent_handler(void); /* DMA has sent what it was given */
+void tick_handler(void);        /* DMA has filled half of the conversions */
 void adc_handler(void);
 
 #endif

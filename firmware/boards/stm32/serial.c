@@ -4,15 +4,12 @@
 #include "clock.h"
 #include "interrupts.h"
 #include "pin.h"
-#include "registers.h"
+#include "serial_line.h"
 #include "timebase.h"
 
 #include <string.h>
 
-#define BAUD           921600u
-#define DIVIDER        ((CLOCK_APB1_HZ + BAUD / 2u) / BAUD) /* 49: 918367 baud, -0.35 % */
 #define AF_USART2      7u
-#define CHANNEL_USART2 4u
 #define BITS_PER_BYTE  10u
 #define IDLE_AFTER_US  11u /* IDLE is set one byte's time after the last byte */
 #define RECEIVE_BYTES  256u
@@ -34,42 +31,24 @@ static volatile uint32_t sent;
 static volatile uint32_t under_way;
 
 void serial_start(void) {
-    clock_enable(&RCC->AHB1ENR, RCC_AHB1ENR_DMA1);
-    clock_enable(&RCC->APB1ENR, RCC_APB1ENR_USART2);
     pin_alternate(BOARD_SERIAL_TX, AF_USART2, PIN_PULL_NONE);
     pin_alternate(BOARD_SERIAL_RX, AF_USART2, PIN_PULL_UP);
 
-    dma_stream_regs_t *reception = &DMA1->S[5];
-    reception->PAR = (uint32_t)(uintptr_t)&USART2->DR;
-    reception->M0AR = (uint32_t)(uintptr_t)received;
-    reception->NDTR = RECEIVE_BYTES;
-    reception->FCR = 0u;
-    reception->CR = DMA_CR_CHANNEL(CHANNEL_USART2) | DMA_CR_MINC | DMA_CR_CIRC;
-    reception->CR |= DMA_CR_EN;
-
-    dma_stream_regs_t *transmission = &DMA1->S[6];
-    transmission->PAR = (uint32_t)(uintptr_t)&USART2->DR;
-    transmission->FCR = 0u;
-
-    USART2->BRR = DIVIDER;
-    USART2->CR3 = USART_CR3_DMAR | USART_CR3_DMAT;
-    USART2->CR1 = USART_CR1_UE | USART_CR1_TE | USART_CR1_RE | USART_CR1_IDLEIE;
+    line_start(received, RECEIVE_BYTES);
     interrupt_enable(IRQ_USART2, PRIORITY_STAMP);
-    interrupt_enable(IRQ_DMA1_STREAM6, PRIORITY_TRANSMIT);
 }
 
 /* --- Reception ----------------------------------------------------------------------------------- */
 
 void usart2_handler(void) {
     uint32_t now_us = timebase_now_us();
-    uint32_t status = USART2->SR;
-    (void)USART2->DR; /* SR, then DR, clears IDLE; the line is idle, so no byte is taken from DMA */
-    if ((status & USART_SR_IDLE) != 0u) {
-        burst_end = RECEIVE_BYTES - DMA1->S[5].NDTR;
+    uint32_t status = line_take_status();
+    if ((status & LINE_IDLE) != 0u) {
+        burst_end = RECEIVE_BYTES - line_room();
         burst_us = now_us - IDLE_AFTER_US;
     }
     /* These flags stay from the byte that raised them to this read: one count a burst. */
-    if ((status & USART_SR_ERRORS) != 0u) {
+    if ((status & LINE_ERRORS) != 0u) {
         damaged_bursts++;
     }
 }
@@ -96,7 +75,7 @@ void serial_poll(impid_core_t *core) {
         return;
     }
     /* A sender that leaves no pause must not overwrite what waits: half a buffer is handed over as it is. */
-    uint32_t place = RECEIVE_BYTES - DMA1->S[5].NDTR;
+    uint32_t place = RECEIVE_BYTES - line_room();
     if ((place - consumed) % RECEIVE_BYTES > RECEIVE_BYTES / 2u) {
         hand_over(core, place, timebase_now_us());
         before = interrupts_mask();
@@ -124,17 +103,11 @@ static void send_next_stretch(void) {
     if (count == 0u) {
         return;
     }
-    dma_stream_regs_t *stream = &DMA1->S[6];
-    DMA1->HIFCR = DMA_STREAM6_FLAGS;
-    USART2->SR = ~USART_SR_TC; /* cleared by writing 0, the others are left alone by writing 1 */
-    stream->M0AR = (uint32_t)(uintptr_t)&transmit[start];
-    stream->NDTR = count;
-    stream->CR = DMA_CR_CHANNEL(CHANNEL_USART2) | DMA_CR_MINC | DMA_CR_FROM_MEMORY | DMA_CR_TCIE;
-    stream->CR |= DMA_CR_EN;
+    line_send(&transmit[start], count);
 }
 
-void dma1_stream6_handler(void) {
-    DMA1->HIFCR = DMA_STREAM6_FLAGS;
+void serial_sent_handler(void) {
+    line_sent();
     sent += under_way;
     send_next_stretch();
 }
@@ -162,14 +135,14 @@ uint32_t serial_backlog_us(void) {
     uint32_t before = interrupts_mask();
     uint32_t waiting = queued - sent;
     if (under_way > 0u) {
-        waiting -= under_way - (DMA1->S[6].NDTR & UINT16_MAX);
+        waiting -= under_way - (line_left());
     }
     interrupts_restore(before);
-    return waiting * BITS_PER_BYTE * DIVIDER / (CLOCK_APB1_HZ / 1000000u);
+    return waiting * BITS_PER_BYTE * LINE_DIVIDER / (CLOCK_APB1_HZ / 1000000u);
 }
 
 bool serial_done(void) {
-    return queued == sent && (USART2->SR & USART_SR_TC) != 0u;
+    return queued == sent && line_done();
 }
 
 void serial_health(impid_port_health_t *health) {

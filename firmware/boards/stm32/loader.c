@@ -7,12 +7,10 @@
  * place.
  */
 #include "impid_slots.h"
+#include "interrupts.h"
+#include "registers.h"
+#include "slots.h"
 #include "watchdog.h"
-
-/* Of the chip that is built for. */
-#include <interrupts.h>
-#include <registers.h>
-#include <slots.h>
 
 _Noreturn void loader_reset(void);
 

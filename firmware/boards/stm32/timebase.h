@@ -1,7 +1,7 @@
 /* The board's microseconds: 32 bits of hardware, no interrupt involved.
  *
- * TIM4 counts 1 MHz (90 MHz / 90) through 16 bits, TIM12 counts TIM4's overflows. The sampling timer TIM3
- * divides the same 90 MHz and is started by TIM4's own update event, so trigger n happens at n * 125 us of
+ * TIM4 counts 1 MHz through 16 bits, UPPER_TIMER (parts.h) counts TIM4's overflows. The sampling timer TIM3
+ * divides the same clock and is started by TIM4's own update event, so trigger n happens at n * 125 us of
  * this time for ever: the two cannot drift, whatever the software does.
  */
 #ifndef TIMEBASE_H
