@@ -73,6 +73,7 @@ validate: $(STAMP) ## the long forms, with their figures written to docs/validat
 	$(BIN)/python scripts/validate/first_paper.py
 	$(BIN)/python scripts/validate/tables_residual.py
 	$(BIN)/python bench/cutoff.py 30 --markdown docs/validation/cutoff.md
+	$(BIN)/python bench/accelerometer_pays.py 5 --markdown docs/validation/accelerometer_pays.md
 	$(BIN)/python bench/coverage.py 1000 --markdown docs/validation/coverage.md
 	$(BIN)/python scripts/validate/second_paper.py
 	$(BIN)/python scripts/validate/measured_impedance.py
