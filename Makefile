@@ -7,7 +7,7 @@ STAMP  := $(VENV)/.installed
 LOCK   := requirements.lock
 C_SOURCES := $(wildcard firmware/core/*.[ch] firmware/generated/*.[ch] firmware/boards/native/*.[ch] hil_sim/plant/*.[ch] hil_sim/board/elf/*.[ch])
 
-.PHONY: help setup lock demo docs test lint firmware test-python test-firmware validate clean
+.PHONY: help setup lock demo docs test lint firmware test-python test-firmware validate bench clean
 
 help: ## print this list
 	@grep -E '^[a-z-]+:.*## ' $(firstword $(MAKEFILE_LIST)) | sed -E 's/^([a-z-]+):.*## /  make \1\t/' | expand -t 24
@@ -73,6 +73,7 @@ validate: $(STAMP) ## the long forms, with their figures written to docs/validat
 	$(BIN)/python scripts/validate/first_paper.py
 	$(BIN)/python scripts/validate/tables_residual.py
 	$(BIN)/python bench/cutoff.py 30 --markdown docs/validation/cutoff.md
+	$(BIN)/python bench/accelerometer_pays.py 5 --markdown docs/validation/accelerometer_pays.md
 	$(BIN)/python bench/coverage.py 1000 --markdown docs/validation/coverage.md
 	$(BIN)/python scripts/validate/second_paper.py
 	$(BIN)/python scripts/validate/measured_impedance.py
@@ -84,6 +85,9 @@ validate: $(STAMP) ## the long forms, with their figures written to docs/validat
 	  --command 'bench/diagnosis_validation.py run build/diagnosis.jsonl --first-seed 1700000 --jobs 2' \
 	  --markdown docs/validation/diagnosis.md --json docs/validation/diagnosis.json \
 	  --diagram docs/validation/diagnosis_reliability.png
+
+bench: $(STAMP) ## speed and memory of everything that somebody waits for, beside peers (ten minutes)
+	$(BIN)/python -m bench.speed --out docs/validation/bench.md
 
 clean: ## remove what was built, but nothing that was recorded
 	rm -rf $(VENV) build .pio .pio-core *.egg-info hil_sim/_native*.so hil_sim/_native.c

@@ -1,9 +1,10 @@
-"""Everything that pyproject.toml cannot say: the C extensions of the simulator."""
+"""Everything that pyproject.toml cannot say: the C extensions of the simulator and of the serial decoder."""
 
 from setuptools import setup
 
 setup(
     cffi_modules=[
+        "host/impid_host/wire/native_build.py:ffibuilder",
         "hil_sim/native_build.py:ffibuilder",
         "hil_sim/board/elf/chip_build.py:ffibuilder",
     ],

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from impid_host.errors import ImpidError, InputError, UndeterminedError
     from impid_host.front import Study, check, diagnose, example_study, fit, read_study
     from impid_host.results import Diagnosed, Fitted
+    from impid_host.varied import Varied
 
     __version__: str
 
@@ -34,6 +35,7 @@ __all__ = [
     "InputError",
     "Study",
     "UndeterminedError",
+    "Varied",
     "__version__",
     "check",
     "diagnose",
@@ -48,6 +50,7 @@ _FROM = {
     "ImpidError": "impid_host.errors",
     "InputError": "impid_host.errors",
     "UndeterminedError": "impid_host.errors",
+    "Varied": "impid_host.varied",
 }
 
 

@@ -29,9 +29,15 @@ sys.meta_path.insert(0, Refuse())
 """
 POSIX_ONLY = ("tty", "termios", "pty", "fcntl", "resource", "grp", "pwd")
 OF_THE_SIMULATOR = ("hil_sim", "cffi", "_cffi_backend", "unicorn", "elftools")
+OF_THE_BATCH = ("distributed", "fsspec", "s3fs", "sshfs", "duckdb")
 ENVIRONMENT = {**os.environ, "PYTHONPATH": f"{ROOT / 'host'}{os.pathsep}{ROOT}"}
+BATCH = (
+    "from impid_host.cli import main\n"
+    "sys.argv = ['impid-host', 'batch', '{studies}', '--out', 'results-of-nothing', *{more}]\nmain()"
+)
 OPTIONAL = (
     *OF_THE_SIMULATOR,
+    *OF_THE_BATCH,
     *("aiohttp", "asammdf", "can", "cantools", "ezc3d", "h5py", "msgpack", "pandas", "pinocchio"),
     *("pint", "pyxdf", "rosbags", "simpleeval", "xarray"),
 )
@@ -147,6 +153,26 @@ def test_the_simulator_serves_tcp_where_there_are_no_terminals() -> None:
             "try: Hdf5Log(Path('a.mat'))\nexcept Exception as e: raise SystemExit(str(e))",
             "h5py",
             "a.mat (MATLAB 7.3, HDF5) needs h5py: pip install 'impid[mat]'",
+        ),
+        (
+            BATCH.format(studies="s3://clinic/archive", more=[]),
+            "fsspec",
+            "s3://clinic/archive: an address needs fsspec: pip install 'impid[batch]'",
+        ),
+        (
+            BATCH.format(studies="s3://clinic/archive", more=[]),
+            "s3fs",
+            "s3://clinic/archive: s3 needs s3fs: pip install 'impid[batch]'",
+        ),
+        (
+            BATCH.format(studies="sftp://host/archive", more=[]),
+            "sshfs",
+            "sftp://host/archive: sftp needs sshfs: pip install 'impid[batch]'",
+        ),
+        (
+            BATCH.format(studies=".", more=["--scheduler", "tcp://127.0.0.1:1"]),
+            "distributed",
+            "--scheduler needs distributed: pip install 'impid[batch]'",
         ),
         *(
             (

@@ -20,6 +20,7 @@ COMMANDS = {
     "diagnose": "Find what the model lacks in a study, and prove it on held-out data.",
     "report": "One page about a study: verdict, tables, figures, provenance.",
     "compare": "Change of M, B, K from session to session; many studies as one table.",
+    "batch": "Check, fit and diagnose any number of studies, on all cores or a cluster.",
     "judge": "Error of a saved model on other records of the same machine, nothing fitted.",
     "import": "Turn foreign logs (CSV, Parquet, .mat) into a study folder.",
     "export": "Write a study folder, Parquet, .mat or CAN log from a recording.",

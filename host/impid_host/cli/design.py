@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 import click
 import numpy as np
 
+from impid_host.cli.design_expect import expect
 from impid_host.cli.design_trial import trial
 from impid_host.design.reference import (
     Plan,
@@ -36,6 +37,7 @@ def command() -> None:
 
 
 command.add_command(trial)
+command.add_command(expect)
 
 
 @command.command()

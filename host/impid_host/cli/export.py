@@ -8,11 +8,13 @@ import click
 
 from impid_host.calibration.applied import apply, read_calibration, with_calibration
 from impid_host.cli.checked import offer_check
+from impid_host.cli.window import window_option
 from impid_host.errors import InputError
 from impid_host.extras import need
 from impid_host.recording.export.origin import write_origin
 from impid_host.recording.export.tables import write_mat, write_parquet
-from impid_host.recording.reader import Recording, read_recording
+from impid_host.recording.reader import Recording, read_recording, survey
+from impid_host.recording.records import Window
 from impid_host.samples import DeviceSamples
 from impid_host.study.folder import begin_study, write_trial
 from impid_host.study.importing import read_mapped_log
@@ -24,11 +26,11 @@ from impid_host.study.setup_file import read_setup
 from impid_host.study.trial_file import TrialHead, default_load
 
 
-def _write_can_log(recording: Recording, path: Path) -> None:
+def _write_can_log(source: Path, path: Path, window: Window | None = None) -> None:
     need("can", f"a {path.suffix} file")
     from impid_host.recording.export.can_log import write_can_log  # noqa: PLC0415  (an extra)
 
-    write_can_log(recording, path)
+    write_can_log(source, path, window)
 
 
 _FILES = {".parquet": write_parquet, ".mat": write_mat, ".asc": _write_can_log, ".blf": _write_can_log}
@@ -89,6 +91,7 @@ _KIND_BY_NAME: dict[str, TrialKind] = {"free": "free", "spring": "mass-spring", 
 @click.option(
     "--run", type=click.IntRange(min=0), help="Which run, where a recording holds several (from 0)."
 )
+@window_option
 def command(
     *,
     files: tuple[Path, ...],
@@ -102,6 +105,7 @@ def command(
     on: Literal["mass-spring", "arm"] | None,
     load: str | None,
     run: int | None,
+    window: Window | None,
 ) -> None:
     """Write a study folder from a recording, or add a trial to one; or a file for other programs.
 
@@ -119,9 +123,10 @@ def command(
       impid-host export rec.mcap --robot-log rig.csv --setup rig.toml --trial arm_01 --kind arm --out study/
       impid-host export rec.mcap --robot-log rig.csv --mapping rig_map.toml --trial arm_01 --out study/
       impid-host export free_01.mcap --out free_01.parquet
+      impid-host export day.mcap --window 3600:3660 --trial arm_01 --out study/
     """
     if out.suffix.lower() in _FILES:
-        _write_file(files, out)
+        _write_file(files, out, window)
         return
     if trial is not None and len(files) > 1:
         raise click.UsageError("--trial names one trial; give one FILE with it")
@@ -133,7 +138,7 @@ def command(
         raise click.UsageError("--kind stochastic and --on go together")
     logs = robot_logs or tuple(file.with_suffix(".robot.csv") for file in files)
     with notices_as_lines(lambda line: click.echo(line, err=True)):
-        recordings = [_recording(file) for file in files]
+        recordings = [_recording(file, window) for file in files]
         mapping = None if mapping_file is None else read_mapping(mapping_file)
         setup = _calibrated(_setup(out, setup_file, files[0], mapping), recordings, calibration_file)
         _refuse_other_apparatus(setup, out, setup_file)
@@ -190,7 +195,7 @@ def _calibrated(setup: Setup, recordings: list[Recording], calibration_file: Pat
     return now
 
 
-def _write_file(files: tuple[Path, ...], out: Path) -> None:
+def _write_file(files: tuple[Path, ...], out: Path, window: Window | None) -> None:
     """One recording as one file; half a file is never left behind."""
     if len(files) != 1:
         raise click.UsageError(f"{out} takes one FILE; {len(files)} were given")
@@ -198,12 +203,12 @@ def _write_file(files: tuple[Path, ...], out: Path) -> None:
         raise InputError(out, "is there already", "choose another name, or move it away first")
     if not out.parent.is_dir():
         raise InputError(out, "its folder does not exist", f"make it first: mkdir -p {out.parent}")
-    recording = read_recording(files[0])
+    recording = survey(files[0], window)
     for warning in recording.warnings:
         click.echo(f"warning: {warning}", err=True)
     part = out.with_name(f".part-{out.name}")
     try:
-        _FILES[out.suffix.lower()](recording, part)
+        _FILES[out.suffix.lower()](files[0], part, window)
         part.rename(out)
     except OSError as error:
         raise InputError(
@@ -211,7 +216,7 @@ def _write_file(files: tuple[Path, ...], out: Path) -> None:
         ) from None
     finally:
         part.unlink(missing_ok=True)
-    click.echo(f"{out}: {sum(map(len, recording.segments))} samples of {len(recording.segments)} run(s)")
+    click.echo(f"{out}: {sum(run.stored for run in recording.runs)} samples of {len(recording.runs)} run(s)")
 
 
 def _setup(out: Path, setup_file: Path | None, first: Path, mapping: Mapping | None) -> Setup:
@@ -234,8 +239,8 @@ def _refuse_other_apparatus(setup: Setup, out: Path, setup_file: Path | None) ->
         raise InputError(setup_file or own, what, "one study has one apparatus: export into another folder")
 
 
-def _recording(file: Path) -> Recording:
-    recording = read_recording(file)
+def _recording(file: Path, window: Window | None) -> Recording:
+    recording = read_recording(file, window)
     for warning in recording.warnings:
         click.echo(f"warning: {warning}", err=True)
     return recording

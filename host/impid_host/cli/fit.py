@@ -1,14 +1,19 @@
 """`impid-host fit`: the robot, then the load or arm, of a study. What it does is in `fit_run`."""
 
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import click
 
 from impid_host.cli.inputs import load_inputs
 from impid_host.cli.pair import PAIR
+from impid_host.cli.window import window_option
+from impid_host.impedance.varying.schedule import Schedule
 from impid_host.robot.terms import TERMS
 from impid_host.signals.chain import CHAINS, DEFAULT
+
+if TYPE_CHECKING:
+    from impid_host.recording.records import Window
 
 REFLEX = "load.delay"
 
@@ -24,6 +29,7 @@ REFLEX = "load.delay"
     help="Robot log (CSV) of each recording, in order.",
 )
 @click.option("--setup", type=click.Path(path_type=Path), help="setup.toml that goes with recordings.")
+@window_option
 @click.option(
     "--chain",
     type=click.Choice(list(CHAINS)),
@@ -78,6 +84,12 @@ REFLEX = "load.delay"
 @click.option(
     "--physical", is_flag=True, help="Also give the robot's links inertias that a body can have (URDF)."
 )
+@click.option(
+    "--varying",
+    metavar="time|posture|since:COLUMN|COLUMN",
+    help="Also give K, B and x0 as curves with 95 % bands: over time (each trial by itself), over the slow "
+    "part of the posture, over a column of robot.csv, or over the time since a column last rose.",
+)
 @click.option("--constrain", is_flag=True, help="Also give M and K of arms symmetric and positive definite.")
 @click.option("--limb", type=PAIR, metavar="UPPER,FORE", help="Limb lengths, m: also give joint impedance.")
 @click.option("--shoulder", type=PAIR, metavar="X,Y", help="Where the shoulder is, m, in the robot's frame.")
@@ -92,6 +104,7 @@ def command(
     paths: tuple[Path, ...],
     robot_log: tuple[Path, ...],
     setup: Path | None,
+    window: "Window | None",
     chain: str,
     acceleration: Literal["accelerometer", "angles"] | None,
     cutoff: float | None,
@@ -101,6 +114,7 @@ def command(
     saved_robot: bool,
     save_model: Path | None,
     physical: bool,
+    varying: str | None,
     constrain: bool,
     limb: tuple[float, float] | None,
     shoulder: tuple[float, float] | None,
@@ -123,6 +137,7 @@ def command(
       impid-host fit arm_study/ --constrain --limb 0.30,0.33 --shoulder 0.37,-0.50
       impid-host fit next_study/ --model model.json
       impid-host fit study/ --save-model plain.json
+      impid-host fit arm_study/ --varying time --figures figures/
       impid-host fit ankle/ --with load.delay --cutoff 40 --validate 20
       impid-host fit emps/ --chain emps --with friction.coulomb --with actuator.offset --validate 0
     """
@@ -134,7 +149,8 @@ def command(
         raise click.UsageError("--save-model writes a model without effects: leave --model out")
     if model_file is not None and chain != DEFAULT.name:
         raise click.UsageError("--model goes with --chain default: its effects act on those signals")
-    study = load_inputs(paths, robot_log, setup)
+    schedule = None if varying is None else Schedule(varying)
+    study = load_inputs(paths, robot_log, setup, () if schedule is None else schedule.columns, window)
     from impid_host.cli.fit_run import Wishes, run  # noqa: PLC0415  (half a second in all)
 
     wishes = Wishes(
@@ -148,6 +164,7 @@ def command(
         keep_robot=saved_robot,
         save_model=save_model,
         physical=physical,
+        varying=schedule,
         constrain=constrain,
         limb=None if limb is None or shoulder is None else (limb, shoulder, side),
         json_to=json_to,

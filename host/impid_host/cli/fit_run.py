@@ -29,7 +29,11 @@ if TYPE_CHECKING:
     from impid_host.diagnosis.saved import SavedModel
     from impid_host.impedance.constrained import Constrained
     from impid_host.impedance.reflex import Band, ReflexFit
+    from impid_host.impedance.varying.fit import VaryingFit
+    from impid_host.impedance.varying.schedule import Schedule
     from impid_host.report.fit_json import Json
+
+    Curves = tuple[VaryingFit, ...]
 
 Pair = tuple[float, float]
 
@@ -48,6 +52,7 @@ class Wishes:
     keep_robot: bool
     save_model: Path | None
     physical: bool
+    varying: "Schedule | None"
     constrain: bool
     limb: tuple[Pair, Pair, str] | None
     json_to: str | None
@@ -63,6 +68,7 @@ def run(study: Study, wishes: Wishes) -> None:
     drawn = None
     with Console(stderr=True).status("checking") as status:
         answer = _answer(study, options, saved, status.update, wishes)
+        curves = _curves(study, answer.result, row, wishes.varying, status.update)
         if wishes.figures is not None:
             status.update("drawing")
             from impid_host.report.fit_figures import draw_study  # noqa: PLC0415  (matplotlib is slow to import)
@@ -75,13 +81,13 @@ def run(study: Study, wishes: Wishes) -> None:
     for line in [] if answer.provenance is None else answer.provenance.warnings:
         click.echo(line, err=True)
     if json_to != "-":
-        _show(answer, besides, unconfirmed(study))
+        _show(answer, besides, curves, unconfirmed(study))
         if drawn is not None:
             click.echo(drawn)
     if json_to is not None:
         from impid_host.report.sessions_json import sessions_json  # noqa: PLC0415
 
-        _write(json.dumps(_document(answer, besides) | sessions_json(study), indent=2), json_to)
+        _write(json.dumps(_document(answer, besides, curves) | sessions_json(study), indent=2), json_to)
     if answer.checks.impossible:
         raise SystemExit(IMPOSSIBLE)
 
@@ -128,8 +134,8 @@ def _answer(
 
 
 def _besides(study: Study, answer: _Answer, wishes: Wishes) -> Besides:
-    handle = study.setup.handle_mass_kg
-    arms = [fit for fit in answer.result.loads if fit.model.name == "arm" and len(fit.model.axes) == 2]
+    handle, result = study.setup.handle_mass_kg, answer.result
+    arms = [fit for fit in result.loads if fit.model.name == "arm" and len(fit.model.axes) == 2]
     joints = []
     if wishes.limb is not None:
         lengths, shoulder, side = wishes.limb
@@ -139,27 +145,47 @@ def _besides(study: Study, answer: _Answer, wishes: Wishes) -> Besides:
         agreement=answer.measured_twice,
         constrained=_constrained(arms, handle) if wishes.constrain else [],
         joints=joints,
-        reflexes=_reflexes(answer.result, wishes.held_out_s) if wishes.reflex else {},
+        reflexes=_reflexes(result, wishes.held_out_s) if wishes.reflex else {},
     )
 
 
-def _show(answer: _Answer, besides: Besides, assumption: str) -> None:
+def _curves(
+    study: Study, result: StudyFit, row: Chain, schedule: "Schedule | None", progress: Progress
+) -> "Curves":
+    """Impedance over time or another variable, where it was asked for."""
+    if schedule is None:
+        return ()
+    from impid_host.impedance.varying.campaign import vary_study  # noqa: PLC0415  (few ask for it)
+
+    return vary_study(study, result, row, schedule, progress)
+
+
+def _show(answer: _Answer, besides: Besides, curves: "Curves", assumption: str) -> None:
     console = table_console()
     print_above(console, answer.checks)
     for line in [] if answer.provenance is None else answer.provenance.lines:
         click.echo(line)
     print_fit(console, answer.result, besides, marked=not answer.checks.trusted)
+    if curves:
+        from impid_host.report.varying_report import varying_table  # noqa: PLC0415
+
+        for own in curves:
+            console.print(varying_table(own))
     print_below(console, answer.checks)
     if assumption:
         click.echo(assumption)
 
 
-def _document(answer: _Answer, besides: Besides) -> "Json":
+def _document(answer: _Answer, besides: Besides, curves: "Curves") -> "Json":
     from impid_host.report.fit_json import fit_json  # noqa: PLC0415  (where somebody asks for it)
 
     document = fit_json(answer.result, besides, checks=answer.checks)
     if answer.provenance is not None:
         document["model"] = asdict(answer.provenance)
+    if curves:
+        from impid_host.report.varying_report import varying_json  # noqa: PLC0415
+
+        document["varying"] = varying_json(curves)
     return document
 
 

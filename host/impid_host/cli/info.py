@@ -6,7 +6,7 @@ from pathlib import Path
 import click
 
 from impid_host.recording.overview import lines, overview
-from impid_host.recording.reader import read_recording
+from impid_host.recording.reader import survey
 
 
 @click.command()
@@ -23,7 +23,7 @@ def command(files: tuple[Path, ...], *, as_json: bool) -> None:
       impid-host info --json *.mcap
     """
     for file in files:
-        recording = read_recording(file)
+        recording = survey(file)
         if as_json:
             click.echo(json.dumps(overview(recording)))
         else:

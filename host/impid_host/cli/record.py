@@ -25,7 +25,7 @@ from impid_host.link.client import BoardClient
 from impid_host.link.simulator import Simulator
 from impid_host.recording import channels
 from impid_host.recording.display import progress_display
-from impid_host.recording.reader import read_recording
+from impid_host.recording.reader import survey
 from impid_host.recording.recorder import SILENCE_S, Outcome, Progress, Recorder
 from impid_host.recording.writer import RecordingWriter
 from impid_host.study.model import Setup
@@ -284,7 +284,7 @@ def _metadata(client: BoardClient, order: _Order, carrier: str) -> dict[str, dic
 def _conclude(outcome: Outcome, order: _Order) -> None:
     """The last line, from what is really in the file; raises where that is not what was asked for."""
     out, duration_s = order.out, order.duration_s
-    recording = read_recording(out)
+    recording = survey(out)
     stored = sum(ledger.stored for ledger in recording.ledgers)
     lost = sum(ledger.lost for ledger in recording.ledgers)
     try:

@@ -10,7 +10,9 @@ Nothing here changes a time stamp: exchanges are stored raw, and a fit is comput
 """
 
 from collections import deque
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
+from typing import overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,6 +43,33 @@ class ClockExchange:
     t2_us: int
     t3_us: int
     t4_ns: int
+
+
+class Exchanges(Sequence[ClockExchange]):
+    """Exchanges in order, 32 bytes each: rows of t1_ns, t2_us, t3_us, t4_ns, shape (N, 4)."""
+
+    __hash__ = None  # type: ignore[assignment]  # they compare as lists do
+
+    def __init__(self, rows: NDArray[np.int64]) -> None:
+        self.rows = rows
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    @overload
+    def __getitem__(self, which: int) -> ClockExchange: ...
+    @overload
+    def __getitem__(self, which: slice) -> "Exchanges": ...
+    def __getitem__(self, which: int | slice) -> "ClockExchange | Exchanges":
+        if isinstance(which, slice):
+            return Exchanges(self.rows[which])
+        return ClockExchange(*self.rows[which].tolist())
+
+    def __iter__(self) -> Iterator[ClockExchange]:
+        return (ClockExchange(*row) for row in self.rows.tolist())
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Sequence) and list(self) == list(other)
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,7 +110,7 @@ class ClockEstimate:
 
 
 def fit_clock(
-    exchanges: list[ClockExchange],
+    exchanges: Sequence[ClockExchange],
     *,
     nominal_rate: float = 1.0,
     reference_host_us: float | None = None,
@@ -139,14 +168,16 @@ def fit_clock(
     )
 
 
-def _offsets(exchanges: list[ClockExchange], nominal_rate: float) -> tuple[Floats, Floats, Floats]:
+def _offsets(exchanges: Sequence[ClockExchange], nominal_rate: float) -> tuple[Floats, Floats, Floats]:
     """Host instant, board minus host, and round-trip time less the board's hold; us, each of shape (N,)."""
+    if isinstance(exchanges, Exchanges):
+        rows = exchanges.rows
+    else:
+        rows = np.array([(e.t1_ns, e.t2_us, e.t3_us, e.t4_ns) for e in exchanges], dtype=np.int64)
     # Integers until the large common part is gone: nanoseconds since the PC's boot do not fit a double.
-    origin_ns, origin_us = exchanges[0].t1_ns, exchanges[0].t2_us
-    t1 = np.array([e.t1_ns - origin_ns for e in exchanges]) * 1e-3 * nominal_rate
-    t4 = np.array([e.t4_ns - origin_ns for e in exchanges]) * 1e-3 * nominal_rate
-    t2 = np.array([e.t2_us - origin_us for e in exchanges], dtype=np.float64)
-    t3 = np.array([e.t3_us - origin_us for e in exchanges], dtype=np.float64)
+    origin_ns, origin_us = int(rows[0, 0]), int(rows[0, 1])
+    t1, t4 = ((rows[:, n] - origin_ns) * 1e-3 * nominal_rate for n in (0, 3))
+    t2, t3 = ((rows[:, n] - origin_us).astype(np.float64) for n in (1, 2))
     origin = origin_ns * 1e-3 * nominal_rate
     ahead = ((t2 - t1) + (t3 - t4)) / 2 + (origin_us - origin)
     return (t1 + t4) / 2 + origin, ahead, (t4 - t1) - (t3 - t2)

@@ -1,7 +1,8 @@
 """What stands between the logged torque and the torque at the joint."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -170,9 +171,9 @@ def _low_passed(values: Floats, time_constant_s: float, dt: float) -> Floats:
     return recursive(first_order(0.5 * dt / time_constant_s)[None], values, settled=True)
 
 
-def _delay_rows(name: str) -> Callable[[Setting], list[Term]]:
+def _delay_of(name: str, setting: Setting) -> list[Term]:
     """The terms of one of the two, which share their first order."""
-    return lambda setting: [term for term in _delay(setting) if term.effect == name]
+    return [term for term in _delay(setting) if term.effect == name]
 
 
 _EARLIER = "a record with a sync edge in both logs, and a free trial with faster motion"
@@ -218,7 +219,7 @@ EFFECTS = (
         "actuator",
         (Parameter("delay", "s", -_MAX_DELAY_S, _MAX_DELAY_S, least=2e-5),),
         "study format, Conventions",
-        _delay_rows("actuator.delay"),
+        partial(_delay_of, "actuator.delay"),
         tells={"actuator.lag": _EARLIER},
     ),
     Effect(
@@ -227,7 +228,7 @@ EFFECTS = (
         "actuator",
         (Parameter("time_constant", "s", 0, _MAX_DELAY_S, amplitude=True),),
         "Siciliano et al., Robotics: Modelling, Planning and Control (2009), ch. 5",
-        _delay_rows("actuator.lag"),
+        partial(_delay_of, "actuator.lag"),
         tells={"actuator.delay": _EARLIER},
     ),
 )

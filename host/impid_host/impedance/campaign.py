@@ -137,9 +137,9 @@ def fit_aligned(
     spectral: list[SpectralFit] = []
     partial: list[PartialLoadFit] = []
     forces: list[ForceComparison] = []
-    for members in _by_load(list(trials)):
+    for members in loads_of(list(trials)):
         progress(f"identifying {members[0].load}")
-        kind = _shaken(study, members)
+        kind = kind_of_load(study, members)
         measured = _measured(members, model)
         if measured:
             forces.append(compare_forces(measured, parameters, options.chain, options.split))
@@ -183,7 +183,7 @@ def fit_load(
     Raises:
         UndeterminedError: the load's trials are of more than one kind.
     """
-    load, rounds = _asked(members, model, robot, kind)
+    load, rounds = model_and_rounds(members, model, robot, kind)
     return [
         identify_load(
             part, load, options.chain, options.split, robot=known, handle_mass_kg=setup.handle_mass_kg
@@ -205,14 +205,14 @@ def fit_partially(
     Raises:
         UndeterminedError: `error`, where open combinations were not its reason.
     """
-    load, rounds = _asked(members, model, robot, kind)
+    load, rounds = model_and_rounds(members, model, robot, kind)
     return [
         identify_partially(part, load, options.chain, options.split, robot=known, error=error)
         for part, known in rounds
     ]
 
 
-def _asked(
+def model_and_rounds(
     members: list[AlignedTrial], model: RobotModel, robot: RobotParameters, kind: LoadKind | None
 ) -> tuple[LoadModel, list[tuple[list[AlignedTrial], RobotParameters | None]]]:
     """The load's model, and which trials serve which method."""
@@ -252,7 +252,7 @@ def fit_shaken(
         fit_spectral(
             part,
             [wide[one.name] for one in part],
-            _shaken(study, members),
+            kind_of_load(study, members),
             options.chain,
             options.split,
             robot=known,
@@ -304,14 +304,14 @@ def prior_parameters(study: Study, structure: RobotStructure) -> RobotParameters
     return RobotParameters(structure, np.array(prior), np.zeros((size, size)), "prior")
 
 
-def _shaken(study: Study, members: list[AlignedTrial]) -> LoadKind:
+def kind_of_load(study: Study, members: list[AlignedTrial]) -> LoadKind:
     """What the load is: a stochastic trial says it under `on`."""
     trial = next(trial for trial in study.trials if trial.name == members[0].name)
     kind = trial.on if trial.kind == "stochastic" else trial.kind
     return "mass-spring" if kind == "mass-spring" else "arm"
 
 
-def _by_load(aligned: list[AlignedTrial]) -> list[list[AlignedTrial]]:
+def loads_of(aligned: list[AlignedTrial]) -> list[list[AlignedTrial]]:
     """Trials with a load, grouped by its name; stochastic trials apart from the others of the same name."""
     groups: dict[tuple[str, bool], list[AlignedTrial]] = {}
     for trial in aligned:

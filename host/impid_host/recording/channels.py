@@ -1,17 +1,28 @@
-"""What a recording contains: topics, their JSON schemas, and the names of its metadata.
+"""What a recording contains: topics, their schemas, and the names of its metadata.
 
-Every channel is JSON with its schema embedded, so Foxglove, PlotJuggler and the bare `mcap` library read it.
-The raw bytes (`/wire/rx`, `/wire/tx`; on CAN `/can/rx`, `/can/tx`) are the truth; samples and statuses are
-there for looking, and a reader of this package decodes the raw bytes anew.
-"""
+`/wire` (on CAN `/can`) is the truth: every byte that came in or went out, with its stamps, and the clock
+exchanges; `/events` are the recorder's notes. Both are flushed together. `/samples`, `/status` and
+`/clock` are there for looking, in chunks of their own that a reader of this package passes over. All but
+the events are protobuf with the schema embedded, so Foxglove, PlotJuggler and the bare `mcap` library
+read them."""
 
 import json
 from dataclasses import dataclass, fields
 from typing import Any
 
+from impid_host.recording.protobuf import (
+    BYTES,
+    SINT32,
+    UINT32,
+    UINT64,
+    Field,
+    file_descriptor_set,
+    numbered,
+)
 from impid_host.wire.records import BoardStatus
 
-PROFILE = "impid-recording/1"
+PROFILE = "impid-recording/2"
+OLD_PROFILE = "impid-recording/1"
 METADATA_HOST = "impid.host"
 METADATA_BOARD = "impid.board"
 METADATA_SETTINGS = "impid.settings"
@@ -21,80 +32,70 @@ METADATA_SUMMARY = "impid.summary"
 
 @dataclass(frozen=True, slots=True)
 class Topic:
-    """One channel of the file."""
+    """One channel of the file; its number is that of its schema as well."""
 
     name: str
+    number: int
     schema: str
-    properties: dict[str, dict[str, Any]]
-
-    def schema_json(self) -> bytes:
-        """The JSON schema as the file embeds it."""
-        return json.dumps({"type": "object", "title": self.schema, "properties": self.properties}).encode()
+    schema_encoding: str
+    schema_data: bytes
+    encoding: str
 
 
-def _integers(*names: str) -> dict[str, dict[str, Any]]:
-    return {name: {"type": "integer"} for name in names}
+def _protobuf(name: str, number: int, message: str, told: dict[str, Field]) -> Topic:
+    schema = file_descriptor_set(message, told)
+    return Topic(name, number, f"impid.{message}", "protobuf", schema, "protobuf")
 
 
-_WIRE = {
-    "monotonic_ns": {
-        "type": "integer",
-        "description": "host monotonic clock when the call returned or began",
-    },
-    "wall_ns": {"type": "integer", "description": "host wall clock at the same moment, ns since 1970"},
-    "data": {"type": "string", "contentEncoding": "base64", "description": "bytes of the serial line"},
-}
-RX = Topic("/wire/rx", "impid.WireBytes", _WIRE)
-TX = Topic("/wire/tx", "impid.WireBytes", _WIRE)
-_FRAMES = _WIRE | {
-    "data": {
-        "type": "string",
-        "contentEncoding": "base64",
-        "description": "CAN frames, 24 bytes each, little-endian: u64 monotonic_ns, u32 identifier (bit 31 "
-        "extended, 30 remote, 29 error), u8 dlc, 3 zero bytes, 8 data bytes",
-    }
-}
-CAN_RX = Topic("/can/rx", "impid.CanFrames", _FRAMES)
-CAN_TX = Topic("/can/tx", "impid.CanFrames", _FRAMES)
-WIRES = {"serial": (RX, TX), "can": (CAN_RX, CAN_TX)}  # carrier -> received, sent
-SAMPLES = Topic(
-    "/samples",
-    "impid.Sample",
-    _integers("boot_id", "run", "index")
-    | {
-        "t_us": {"type": "integer", "description": "us since the board's boot, group delay taken off"},
-        "ax": {"type": "integer", "description": "code of the accelerometer, 16 or 24 bits"},
-        "ay": {"type": "integer", "description": "code of the accelerometer, 16 or 24 bits"},
-        "az": {"type": "integer", "description": "the same of a third axis, where the sensor has one"},
-        "enc1": {"type": "integer", "description": "counter"},
-        "enc2": {"type": "integer", "description": "counter"},
-        "flags": {
-            "type": "integer",
-            "description": "bit 0 saturated, 1 encoder fault, 2 late, 3 reset before, 4 sync edge",
-        },
-    },
+WIRE_FIELDS = numbered(
+    [
+        (name, BYTES)
+        for name in (
+            "rx_calls",
+            "rx_rows",
+            "rx_bytes",
+            "tx_calls",
+            "tx_rows",
+            "tx_bytes",
+            "exchanges",
+            "position",
+        )
+    ]
 )
-STATUS = Topic("/status", "impid.Status", _integers(*(f.name for f in fields(BoardStatus))))
-CLOCK = Topic(
-    "/clock",
-    "impid.ClockExchange",
-    _integers("boot_id")
-    | {
-        "t1_ns": {"type": "integer", "description": "ping sent, host monotonic clock"},
-        "t2_us": {"type": "integer", "description": "ping received, board clock"},
-        "t3_us": {"type": "integer", "description": "answer sent, board clock"},
-        "t4_ns": {"type": "integer", "description": "answer received, host monotonic clock"},
-    },
+_SENSOR = ("ax", UINT32), ("ay", UINT32), ("az", UINT32), ("enc1", SINT32), ("enc2", SINT32)
+SAMPLE_FIELDS = numbered(
+    [("boot_id", UINT32), ("run", UINT32), ("index", UINT64), ("t_us", UINT64), *_SENSOR, ("flags", UINT32)]
+)
+STEP_FIELDS = {
+    **{f"{name}_steps": Field(20 + n, SINT32, repeated=True) for n, (name, _) in enumerate(_SENSOR)},
+    "flags_rest": Field(30, UINT32, repeated=True),
+}
+STATUS_FIELDS = numbered([(f.name, UINT64) for f in fields(BoardStatus)])
+CLOCK_FIELDS = numbered(
+    [("boot_id", UINT32), ("t1_ns", UINT64), ("t2_us", UINT64), ("t3_us", UINT64), ("t4_ns", UINT64)]
 )
 EVENT_NAMES = "start, stop, loss, run, boot, disconnected, reconnected, wall-clock-set, mark, enough"
-EVENTS = Topic(
-    "/events",
-    "impid.Event",
-    {
+_EVENT: dict[str, Any] = {
+    "type": "object",
+    "title": "impid.Event",
+    "properties": {
         "event": {"type": "string", "description": EVENT_NAMES},
         "monotonic_ns": {"type": "integer"},
         "wall_ns": {"type": "integer"},
         "detail": {"type": "object"},
     },
-)
-DECODED = (SAMPLES, STATUS, CLOCK, EVENTS)
+}
+
+WIRE = _protobuf("/wire", 1, "Wire", WIRE_FIELDS)
+CAN_WIRE = _protobuf("/can", 6, "Wire", WIRE_FIELDS)
+WIRES = {"serial": WIRE, "can": CAN_WIRE}
+EVENTS = Topic("/events", 2, "impid.Event", "jsonschema", json.dumps(_EVENT).encode(), "json")
+SAMPLES = _protobuf("/samples", 3, "Samples", SAMPLE_FIELDS | STEP_FIELDS)
+STATUS = _protobuf("/status", 4, "Status", STATUS_FIELDS)
+CLOCK = _protobuf("/clock", 5, "ClockExchange", CLOCK_FIELDS)
+# For looking: what they show is in the truth as well.
+LOOKS = (SAMPLES, STATUS, CLOCK)
+
+# Topics of the first profile, which were all JSON.
+OLD_RX, OLD_CAN_RX, OLD_CLOCK = "/wire/rx", "/can/rx", "/clock"
+OLD_LOOKS = ("/wire/tx", "/can/tx", "/samples", "/status")

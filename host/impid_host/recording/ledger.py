@@ -3,10 +3,16 @@
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from math import floor
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from impid_host.clock.device import ClockExchange
+from impid_host.recording.runs import Run
 from impid_host.wire.messages import OPCODE, RESULT, SAMPLE_PERIOD_US
-from impid_host.wire.records import BoardStatus, Loss, NewRun, Response, Segment
+from impid_host.wire.records import BoardStatus, Loss, NewRun, Response
+from impid_host.wire.statuses import Statuses
 
 _MASK32 = 0xFFFFFFFF
 # Two crystals of a cheap board and a PC, in the worst case.
@@ -27,8 +33,8 @@ class EndedBoot:
 
     boot_id: int
     produced: int | None
-    exchanges: tuple[ClockExchange, ...]
-    next_exchanges: tuple[ClockExchange, ...]
+    exchanges: Sequence[ClockExchange]
+    next_exchanges: Sequence[ClockExchange]
     nominal_rate: float = 1.0
 
 
@@ -78,55 +84,60 @@ class RunLedger:
         return f"{self.produced} samples produced by the board {sign} {parts}"
 
 
+# The board's own count at one moment.
+TOLD = np.dtype([("boot_id", "<u2"), ("t_us", "<u8"), ("next_index", "<u4"), ("produced", "<u4")])
+
+
+def told_by(statuses: Iterable[BoardStatus]) -> NDArray[Any]:
+    """What statuses say of the samples produced, shape (N,) of TOLD."""
+    if isinstance(statuses, Statuses):
+        told = np.zeros(len(statuses), TOLD)
+        for name, column in zip(TOLD.names or (), statuses.told(), strict=True):
+            told[name] = column
+        return told
+    return np.array([(s.boot_id, s.t_us, s.next_index, s.produced) for s in statuses], dtype=TOLD)
+
+
 def balance(
-    segments: Iterable[Segment],
+    runs: Iterable[Run],
     events: Iterable[Loss | NewRun],
-    statuses: Iterable[BoardStatus],
+    told: NDArray[Any],
     responses: Iterable[Response],
     ended: Sequence[EndedBoot] = (),
 ) -> tuple[RunLedger, ...]:
     """The ledger of every run, from what the wire brought and what is known of the boots that ended."""
-    segments, events = list(segments), list(events)
+    runs, events = list(runs), list(events)
     losses = [event for event in events if isinstance(event, Loss)]
     named = {event.run: event.start_index for event in events if isinstance(event, NewRun)}
-    statuses, responses = list(statuses), list(responses)
+    responses = list(responses)
+    counts = _counts_told(told, responses)
     ledgers = []
-    for segment in segments:
-        first_us, last_us = int(segment.samples.t_us[0]), int(segment.samples.t_us[-1])
-        later = [
-            int(s.samples.t_us[0]) for s in segments if s.boot_id == segment.boot_id and s.run > segment.run
-        ]
-        until_us = min(later, default=1 << 64)
-        start = named.get(segment.run)
+    for run in runs:
+        later = [other.first_us for other in runs if other.boot_id == run.boot_id and other.run > run.run]
+        start = named.get(run.run)
         if start is None:
-            start = _start_of(responses, segment.boot_id, first_us)
-        last_index = int(segment.index[-1])
-        told = [
-            count
-            for count in _counts_told(statuses, responses)
-            if count.boot_id == segment.boot_id
-            and last_us <= count.t_us < until_us
-            and (count.next_index - last_index - 1) & _MASK32 < 1 << 31  # made before the last samples left
-        ]
-        end = None if later else next((boot for boot in ended if boot.boot_id == segment.boot_id), None)
+            start = _start_of(responses, run.boot_id, run.first_us)
+        last = _last_told(counts, run, min(later, default=None))
+        end = None if later else next((boot for boot in ended if boot.boot_id == run.boot_id), None)
         if end is not None and end.produced is not None and start is not None:
-            told = [_Told(segment.boot_id, last_us, (start + end.produced) & _MASK32, end.produced)]
+            last = _Told((start + end.produced) & _MASK32, end.produced)
         elif end is not None:
-            told = []  # what it said while it lived is not the whole
-        last = told[-1] if told else None
+            last = None  # what it said while it lived is not the whole
+        surplus = run.arrived - run.stored
         ledgers.append(
             RunLedger(
-                boot_id=segment.boot_id,
-                run=segment.run,
-                stored=len(segment),
-                lost_before=None if start is None else _ahead(int(segment.index[0]), start),
-                lost_inside=sum(loss.lost for loss in losses if loss.run == segment.run),
-                lost_after=None if last is None else _ahead(last.next_index, last_index + 1),
+                boot_id=run.boot_id,
+                run=run.run,
+                stored=run.stored,
+                surplus=surplus,
+                lost_before=None if start is None else _ahead(run.first_index, start),
+                lost_inside=sum(loss.lost for loss in losses if loss.run == run.run),
+                lost_after=None if last is None else _ahead(last.next_index, run.last_index + 1),
                 produced=None if last is None else last.produced,
-                uncounted=0 if last is not None else _at_most(end, last_us),
+                uncounted=0 if last is not None else _at_most(end, run.last_us),
             )
         )
-    heard = {segment.boot_id for segment in segments}
+    heard = {run.boot_id for run in runs}
     silent = [boot for boot in ended if boot.boot_id not in heard and boot.produced]
     ledgers += [RunLedger(boot.boot_id, -1, 0, 0, 0, boot.produced, boot.produced) for boot in silent]
     return tuple(ledgers)
@@ -151,23 +162,35 @@ def _at_most(end: EndedBoot | None, last_us: int) -> int | None:
 
 @dataclass(frozen=True, slots=True)
 class _Told:
-    """The board's own count at one moment."""
+    """Index of the next sample and samples produced, as the board counts them."""
 
-    boot_id: int
-    t_us: int
     next_index: int
     produced: int
 
 
-def _counts_told(statuses: list[BoardStatus], responses: list[Response]) -> list[_Told]:
+def _counts_told(told: NDArray[Any], responses: list[Response]) -> NDArray[Any]:
     """From statuses and from the answers to STOP, whose value is the same count; in order of time."""
-    told = [_Told(s.boot_id, s.t_us, s.next_index, s.produced) for s in statuses]
-    told += [
-        _Told(r.boot_id, r.t_us, r.next_index, r.value)
+    stops = [
+        (r.boot_id, r.t_us, r.next_index, r.value)
         for r in responses
         if r.opcode == OPCODE["STOP"] and r.result == RESULT["OK"]
     ]
-    return sorted(told, key=lambda count: count.t_us)
+    both = np.concatenate([told, np.array(stops, dtype=TOLD)])
+    return both[np.argsort(both["t_us"], kind="stable")]
+
+
+def _last_told(counts: NDArray[Any], run: Run, until_us: int | None) -> _Told | None:
+    """The last count of the run's boot behind its samples and before those of the next."""
+    # Made before the last samples left: its next index is not behind theirs.
+    ahead = (counts["next_index"].astype(np.int64) - run.last_index - 1) & _MASK32
+    fits = (counts["boot_id"] == run.boot_id) & (counts["t_us"] >= run.last_us) & (ahead < 1 << 31)
+    if until_us is not None:
+        fits &= counts["t_us"] < until_us
+    found = np.flatnonzero(fits)
+    if not len(found):
+        return None
+    last = counts[found[-1]]
+    return _Told(int(last["next_index"]), int(last["produced"]))
 
 
 def _start_of(responses: list[Response], boot_id: int, first_us: int) -> int | None:

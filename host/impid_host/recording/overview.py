@@ -4,20 +4,19 @@ from collections.abc import Iterator
 from datetime import UTC, datetime
 from typing import Any
 
-import numpy as np
-
 from impid_host.clock.device import fit_clock
 from impid_host.errors import UndeterminedError
 from impid_host.recording import channels
 from impid_host.recording.reader import Recording
+from impid_host.recording.runs import Run
 from impid_host.samples import (
     FLAG_ENCODER_FAULT,
     FLAG_LATE,
     FLAG_SATURATED,
     FLAG_SYNC_EDGE,
 )
-from impid_host.wire.messages import SAMPLE_PERIOD_US, choices
-from impid_host.wire.records import BoardStatus, Segment
+from impid_host.wire.messages import choices
+from impid_host.wire.records import BoardStatus
 
 _FLAGS = {
     "saturated": FLAG_SATURATED,
@@ -44,7 +43,7 @@ def overview(recording: Recording) -> dict[str, Any]:
         "board": recording.metadata.get(channels.METADATA_BOARD, {}),
         "settings": recording.metadata.get(channels.METADATA_SETTINGS, {}),
         "calibration": recording.metadata.get(channels.METADATA_CALIBRATION, {}),
-        "runs": [_run(recording, segment) for segment in recording.segments],
+        "runs": [_run(recording, run) for run in recording.runs],
         "events": [
             {"event": event.name, "at": _moment(event.wall_ns), **event.detail}
             for event in recording.events
@@ -85,21 +84,20 @@ def lines(recording: Recording) -> Iterator[str]:
         yield f"  warning: {warning}"
 
 
-def _run(recording: Recording, segment: Segment) -> dict[str, Any]:
-    ledger = next(each for each in recording.ledgers if each.run == segment.run)
-    t_us = segment.samples.t_us
+def _run(recording: Recording, run: Run) -> dict[str, Any]:
+    ledger = next(each for each in recording.ledgers if each.run == run.run)
     return {
-        "run": segment.run,
-        "boot_id": segment.boot_id,
-        "duration_s": (int(t_us[-1]) - int(t_us[0]) + SAMPLE_PERIOD_US) * 1e-6,
+        "run": run.run,
+        "boot_id": run.boot_id,
+        "duration_s": run.duration_s,
         "stored": ledger.stored,
         "lost": ledger.lost,
         "surplus": ledger.surplus,
         "produced": ledger.produced,
         "balanced": ledger.balanced,
         "books": str(ledger),
-        "flags": {name: int(np.count_nonzero(segment.samples.flags & flag)) for name, flag in _FLAGS.items()},
-        "clock": _clock(recording, segment.boot_id),
+        "flags": {name: run.flagged(flag) for name, flag in _FLAGS.items()},
+        "clock": _clock(recording, run.boot_id),
     }
 
 

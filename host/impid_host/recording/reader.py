@@ -1,24 +1,33 @@
-"""Reads a recording, whole or cut off, and decodes its raw bytes anew."""
+"""Reads a recording, whole or cut off, and decodes its raw bytes anew.
+
+One pass in pieces: `read_recording` keeps the samples, `survey` what can be said without them,
+`sample_pieces` hands them on. A file of a day takes no more memory than what is kept."""
 
 import base64
 import json
-from dataclasses import dataclass, field, replace
+from array import array
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from mcap.records import Channel, McapRecord, Message, Metadata
 from numpy.typing import NDArray
 
-from impid_host.clock.device import ClockExchange
+from impid_host.clock.device import ClockExchange, Exchanges
+from impid_host.errors import InputError
 from impid_host.recording import channels
-from impid_host.recording.ledger import EndedBoot, RunLedger, balance
-from impid_host.recording.records import read_records
+from impid_host.recording.ledger import TOLD, EndedBoot, RunLedger, balance, told_by
+from impid_host.recording.records import Message, Metadata, Window, open_records
+from impid_host.recording.runs import Run, duration_s
+from impid_host.recording.wire_message import unpack
+from impid_host.samples import DeviceSamples
 from impid_host.wire.can_frames import unpack_frames
 from impid_host.wire.carrier import CAN, SERIAL, Carrier
 from impid_host.wire.decoder import LinkCounts
-from impid_host.wire.messages import SAMPLE_PERIOD_US
-from impid_host.wire.records import BoardStatus, Response, Segment, join_segments, until
+from impid_host.wire.records import BoardStatus, Decoded, Loss, NewRun, Response, Segment, since
+from impid_host.wire.statuses import Statuses
+from impid_host.wire.tracker import Position
 
 _PIECE_BYTES = 1 << 20
 
@@ -41,8 +50,10 @@ class Recording:
         path: the file.
         carrier: "serial" or "can".
         metadata: name -> key -> value, as the file has them (host, board, summary).
-        segments: samples of each run, decoded from the raw bytes; time is never spliced across them.
-        statuses, responses: what the board said.
+        segments: samples of each run, decoded from the raw bytes; time is never spliced across them. Empty in
+            a survey.
+        runs: what can be said of each run without its samples.
+        statuses, responses: what the board said; of the statuses, a survey has the last.
         exchanges: raw clock exchanges by boot_id.
         events: start, stop, losses, runs.
         counts: frames and samples good, bad and lost.
@@ -54,9 +65,10 @@ class Recording:
     carrier: str
     metadata: dict[str, dict[str, str]]
     segments: tuple[Segment, ...]
-    statuses: tuple[BoardStatus, ...]
+    runs: tuple[Run, ...]
+    statuses: Sequence[BoardStatus]
     responses: tuple[Response, ...]
-    exchanges: dict[int, list[ClockExchange]]
+    exchanges: dict[int, Sequence[ClockExchange]]
     events: tuple[RecordedEvent, ...]
     counts: LinkCounts
     ledgers: tuple[RunLedger, ...]
@@ -65,8 +77,7 @@ class Recording:
     @property
     def duration_s(self) -> float:
         """Board time from first to last sample, summed over the runs, lost samples included."""
-        spans = (int(s.samples.t_us[-1]) - int(s.samples.t_us[0]) + SAMPLE_PERIOD_US for s in self.segments)
-        return sum(spans) * 1e-6
+        return duration_s(self.runs)
 
     @property
     def nominal_rate(self) -> float:
@@ -74,70 +85,188 @@ class Recording:
         return _nominal_rate(self.metadata)
 
 
-def read_recording(path: Path) -> Recording:
-    """Read a recording; one that was cut off is read as far as it goes, with a warning.
+def read_recording(path: Path, window: Window | None = None) -> Recording:
+    """Read a recording, or a window of one; one that was cut off is read as far as it goes, with a warning.
 
     Raises:
         InputError: no such file, or not a recording of impid-host.
     """
-    contents = _Contents(path)
-    for record in read_records(path, contents.warnings):
-        contents.take(record)
-    return contents.decode()
+    reading = _Reading(path, window, keep=True)
+    growing: dict[int, _Growing] = {}
+    for segment in reading.pieces():
+        growing.setdefault(segment.run, _Growing(segment.boot_id, segment.run)).add(segment)
+    return reading.recording(tuple(grown.whole() for grown in growing.values()))
 
 
-def read_raw_can(path: Path) -> tuple[NDArray[np.void], int]:
-    """The CAN frames that came in, shape (N,) of CAN_FRAME, and wall minus monotonic clock at the first, ns.
+def survey(path: Path, window: Window | None = None) -> Recording:
+    """What a recording of any length, or a window of one, holds, without its samples.
 
     Raises:
         InputError: no such file, or not a recording of impid-host.
     """
-    contents = _Contents(path)
-    for record in read_records(path, contents.warnings):
-        contents.take(record)
-    raw = bytes(contents.raw) if contents.carrier is CAN else b""
-    return unpack_frames(raw), contents.wall_minus_monotonic_ns or 0
+    reading = _Reading(path, window, keep=False)
+    for _ in reading.pieces():
+        pass
+    return reading.recording(())
+
+
+def sample_pieces(path: Path, window: Window | None = None) -> Iterator[Segment]:
+    """The samples in pieces of a few seconds to minutes, in order; each piece belongs to one run.
+
+    Raises:
+        InputError: no such file, or not a recording of impid-host.
+    """
+    return _Reading(path, window, keep=False).pieces()
+
+
+def read_raw_can(path: Path, window: Window | None = None) -> Iterator[tuple[NDArray[np.void], int]]:
+    """The CAN frames that came in, in pieces of shape (N,) of CAN_FRAME, and wall minus monotonic clock, ns.
+
+    Raises:
+        InputError: no such file, not a recording of impid-host, or one of a serial line.
+    """
+    reading = _Reading(path, window, keep=False)
+    for data in reading.raw():
+        if reading.carrier is not CAN:
+            raise InputError(
+                path,
+                "was recorded over a serial line and holds no CAN frames",
+                "export it as .parquet, .mat or a study folder",
+            )
+        yield unpack_frames(data), reading.wall_minus_monotonic_ns or 0
 
 
 @dataclass(slots=True)
-class _Contents:
-    """What the records of the file add up to, before the raw bytes are decoded."""
+class _Growing:
+    """Samples of a run, column by column: joined, they exist only once."""
+
+    boot_id: int
+    run: int
+    columns: dict[str, list[NDArray[Any]]] = field(default_factory=dict)
+
+    def add(self, segment: Segment) -> None:
+        self.columns.setdefault("index", []).append(segment.index)
+        for column in fields(DeviceSamples):
+            values = getattr(segment.samples, column.name)
+            if values is not None:
+                self.columns.setdefault(column.name, []).append(values)
+
+    def whole(self) -> Segment:
+        joined = {name: np.concatenate(self.columns.pop(name)) for name in list(self.columns)}
+        return Segment(self.boot_id, self.run, joined.pop("index"), DeviceSamples(**joined))
+
+
+@dataclass(slots=True)
+class _Reading:
+    """One pass over a file, and what it adds up to."""
 
     path: Path
+    window: Window | None
+    keep: bool  # statuses
     metadata: dict[str, dict[str, str]] = field(default_factory=dict)
     carrier: Carrier = SERIAL
     wall_minus_monotonic_ns: int | None = None
-    raw: bytearray = field(default_factory=bytearray)
-    exchanges: dict[int, list[ClockExchange]] = field(default_factory=dict)
-    events: list[RecordedEvent] = field(default_factory=list)
     warnings: list[str] = field(default_factory=list)
-    _topics: dict[int, str] = field(default_factory=dict)
+    events: list[RecordedEvent] = field(default_factory=list)
+    runs: dict[int, Run] = field(default_factory=dict)
+    _begun: bool = False
+    _resume: Position | None = None  # where the stream stood at the first chunk that was read
+    _since: tuple[int, int] | None = None  # run and stamp of the first sample of a window,
+    _until: tuple[int, int] | None = None  # and of the last
+    _waiting: bytearray = field(default_factory=bytearray)
+    _exchanges: dict[int, "array[int]"] = field(default_factory=dict)
+    _told: list[NDArray[Any]] = field(default_factory=list)
+    _statuses: list[Sequence[BoardStatus]] = field(default_factory=list)
+    _responses: list[Response] = field(default_factory=list)
+    _changes: list[Loss | NewRun] = field(default_factory=list)
+    _counts: Callable[[], LinkCounts] = field(default=lambda: SERIAL.decoder().counts)
 
-    def take(self, record: McapRecord) -> None:
-        if isinstance(record, Metadata):
-            self.metadata[record.name] = dict(record.metadata)
-        elif isinstance(record, Channel):
-            self._topics[record.id] = record.topic
-        elif isinstance(record, Message):
-            topic = self._topics.get(record.channel_id)
-            try:
-                self._take_message(topic, record.data)
-            except (ValueError, KeyError, TypeError):
-                self.warnings.append(f"{self.path}: a message on {topic} makes no sense and is skipped")
+    def raw(self) -> Iterator[bytes]:
+        """The bytes that came in, a megabyte at a time."""
+        with open_records(self.path, self.warnings) as file:
+            for item in file.items(self.window):
+                if isinstance(item, Metadata):
+                    self.metadata[item.name] = item.values
+                else:
+                    try:
+                        self._take(item)
+                    except (ValueError, KeyError, TypeError, OverflowError):
+                        self.warnings.append(
+                            f"{self.path}: a message on {item.topic} makes no sense and is skipped"
+                        )
+                if len(self._waiting) >= _PIECE_BYTES:
+                    yield self._piece()
+        if self._waiting:
+            yield self._piece()
 
-    def _take_message(self, topic: str | None, data: bytes) -> None:
-        if topic == channels.RX.name:
-            self.raw += base64.b64decode(json.loads(data)["data"], validate=True)
-        elif topic == channels.CAN_RX.name:
-            self.carrier = CAN
-            body = json.loads(data)
-            self.raw += base64.b64decode(body["data"], validate=True)
-            if self.wall_minus_monotonic_ns is None:
-                self.wall_minus_monotonic_ns = int(body["wall_ns"]) - int(body["monotonic_ns"])
-        elif topic == channels.CLOCK.name:
-            body = json.loads(data)
-            exchange = ClockExchange(*(int(body[key]) for key in ("t1_ns", "t2_us", "t3_us", "t4_ns")))
-            self.exchanges.setdefault(int(body["boot_id"]), []).append(exchange)
+    def pieces(self) -> Iterator[Segment]:
+        """The samples up to the duration that was asked for, in order."""
+        decoder = None
+        for data in self.raw():
+            if decoder is None:
+                decoder = self.carrier.decoder()
+                if self._resume is not None:
+                    decoder.resume(self._resume)
+                self._counts = lambda made=decoder: made.counts  # type: ignore[misc]
+            decoded = decoder.feed(data)
+            self._note(decoded)
+            end = self._end()
+            for segment in decoded.segments:
+                inside = since(segment, self._since)
+                kept = None if inside is None else Run.see(self.runs, inside, end)
+                if kept is not None:
+                    yield kept
+
+    def recording(self, segments: tuple[Segment, ...]) -> Recording:
+        """Everything, once the pass is over."""
+        exchanges: dict[int, Sequence[ClockExchange]] = {
+            boot_id: Exchanges(np.frombuffer(rows, np.int64).reshape(-1, 4))
+            for boot_id, rows in self._exchanges.items()
+        }
+        runs = tuple(self.runs.values())
+        if self.warnings:
+            last = runs[-1].last_us - runs[-1].first_us if runs else 0
+            self.warnings.append(
+                f"{self.path}: {sum(run.stored for run in runs)} samples could be read, the last run "
+                f"up to {last * 1e-6:.3f} s after its beginning"
+            )
+        # The board's count is of the whole run: it balances no window.
+        told = np.concatenate([np.zeros(0, TOLD), *(self._told if self.window is None else ())])
+        return Recording(
+            path=self.path,
+            carrier=self.carrier.name,
+            metadata=self.metadata,
+            segments=segments,
+            runs=tuple(run for run in runs if run.stored),
+            statuses=_joined(self._statuses),
+            responses=tuple(self._responses),
+            exchanges=exchanges,
+            events=tuple(self.events),
+            counts=self._counts(),
+            ledgers=balance(runs, self._changes, told, self._responses, self._ended_boots(exchanges)),
+            warnings=tuple(self.warnings),
+        )
+
+    def _piece(self) -> bytes:
+        whole = len(self._waiting) // self.carrier.piece_bytes * self.carrier.piece_bytes
+        data = bytes(self._waiting[:whole])
+        self._waiting.clear()
+        return data
+
+    def _take(self, message: Message) -> None:
+        topic, data, at_s = message
+        if topic in _CARRIERS:
+            self.carrier = _CARRIERS[topic]
+            wire = unpack(data, self.carrier.name)
+            if not self._begun:  # where the file's beginning is damaged, or a window begins
+                self._begun, self._resume = True, wire.position
+            if self.window is not None and self._is_behind(self.window, at_s, wire.position):
+                return
+            if self.wall_minus_monotonic_ns is None and len(wire.rx_calls):
+                self.wall_minus_monotonic_ns = int(wire.rx_calls["wall_minus_ns"][0])
+            self._waiting += wire.rx.data
+            for row in wire.exchanges:
+                self._exchange(row[4], row[:4])
         elif topic == channels.EVENTS.name:
             body = json.loads(data)
             self.events.append(
@@ -145,54 +274,55 @@ class _Contents:
                     body["event"], int(body["monotonic_ns"]), int(body["wall_ns"]), dict(body["detail"])
                 )
             )
-
-    def decode(self) -> Recording:
-        decoder, raw = self.carrier.decoder(), bytes(self.raw)
-        piece = _PIECE_BYTES // self.carrier.piece_bytes * self.carrier.piece_bytes
-        parts = [decoder.feed(raw[at : at + piece]) for at in range(0, len(raw), piece)]
-        arrived = join_segments([segment for part in parts for segment in part.segments])
-        end = self._end()
-        segments = tuple(kept for segment in arrived if (kept := until(segment, end)) is not None)
-        statuses = tuple(status for part in parts for status in part.statuses)
-        responses = tuple(response for part in parts for response in part.responses)
-        events = [event for part in parts for event in part.events]
-        if self.warnings:
-            last = segments[-1].samples.t_us if segments else np.zeros(1, np.uint64)
-            self.warnings.append(
-                f"{self.path}: {sum(map(len, segments))} samples could be read, the last run "
-                f"up to {(int(last[-1]) - int(last[0])) * 1e-6:.3f} s after its beginning"
+        elif topic in (channels.OLD_RX, channels.OLD_CAN_RX):
+            self.carrier = SERIAL if topic == channels.OLD_RX else CAN
+            body = json.loads(data)
+            if self.wall_minus_monotonic_ns is None:
+                self.wall_minus_monotonic_ns = int(body["wall_ns"]) - int(body["monotonic_ns"])
+            self._waiting += base64.b64decode(body["data"], validate=True)
+        elif topic == channels.OLD_CLOCK:
+            body = json.loads(data)
+            self._exchange(
+                int(body["boot_id"]), [int(body[key]) for key in ("t1_ns", "t2_us", "t3_us", "t4_ns")]
             )
-        return Recording(
-            path=self.path,
-            carrier=self.carrier.name,
-            metadata=self.metadata,
-            segments=segments,
-            statuses=statuses,
-            responses=responses,
-            exchanges=self.exchanges,
-            events=tuple(self.events),
-            counts=decoder.counts,
-            ledgers=_without_surplus(
-                balance(arrived, events, statuses, responses, self._ended_boots()), segments
-            ),
-            warnings=tuple(self.warnings),
-        )
+
+    def _is_behind(self, window: Window, at_s: float, position: Position | None) -> bool:
+        """Take in where the stream stands at a chunk of the window; True for the one that ends it."""
+        if at_s >= window.start_s and self._since is None:
+            self._since = (-1, 0) if position is None else (position.run, position.t_us)
+        if at_s <= window.stop_s:
+            return False
+        self._until = None if position is None else (position.run, position.t_us - 1)
+        return True
+
+    def _exchange(self, boot_id: int, row: Sequence[int]) -> None:
+        self._exchanges.setdefault(boot_id, array("q")).extend(row)
+
+    def _note(self, decoded: Decoded) -> None:
+        self._told.append(told_by(decoded.statuses))
+        if decoded.statuses:
+            self._statuses = [*self._statuses, decoded.statuses] if self.keep else [decoded.statuses[-1:]]
+        self._responses += decoded.responses
+        self._changes += decoded.events
 
     def _end(self) -> tuple[int, int] | None:
-        """Run and last stamp (us) of the duration that was asked for; None where something else ended it."""
+        """Run and last stamp (us) of the window or the duration that was asked for; None where something else
+        ended it."""
+        if self._until is not None:
+            return self._until
         for event in self.events:
             if event.name == "enough":
                 return int(event.detail["run"]), int(event.detail["last_us"])
         return None
 
-    def _ended_boots(self) -> list[EndedBoot]:
+    def _ended_boots(self, exchanges: dict[int, Sequence[ClockExchange]]) -> list[EndedBoot]:
         """What is known of the boots that a reset ended, from the notes of the recorder."""
         return [
             EndedBoot(
                 boot_id=int(event.detail["before"]),
                 produced=event.detail.get("produced"),
-                exchanges=tuple(self.exchanges.get(int(event.detail["before"]), ())),
-                next_exchanges=tuple(self.exchanges.get(int(event.detail["boot_id"]), ())),
+                exchanges=exchanges.get(int(event.detail["before"]), ()),
+                next_exchanges=exchanges.get(int(event.detail["boot_id"]), ()),
                 nominal_rate=_nominal_rate(self.metadata),
             )
             for event in self.events
@@ -200,12 +330,14 @@ class _Contents:
         ]
 
 
-def _without_surplus(ledgers: tuple[RunLedger, ...], segments: tuple[Segment, ...]) -> tuple[RunLedger, ...]:
-    kept = {segment.run: len(segment) for segment in segments}
-    return tuple(
-        replace(ledger, stored=kept.get(ledger.run, 0), surplus=ledger.stored - kept.get(ledger.run, 0))
-        for ledger in ledgers
-    )
+def _joined(parts: list[Sequence[BoardStatus]]) -> Sequence[BoardStatus]:
+    rows = [part for part in parts if isinstance(part, Statuses)]
+    if rows and len(rows) == len(parts):
+        return Statuses.joined(rows)
+    return tuple(status for part in parts for status in part)
+
+
+_CARRIERS = {channels.WIRE.name: SERIAL, channels.CAN_WIRE.name: CAN}
 
 
 def _nominal_rate(metadata: dict[str, dict[str, str]]) -> float:

@@ -169,6 +169,14 @@ def gaussian(values: Floats, sd_rows: float) -> Floats:
     return FiniteResponse.of(taps / taps.sum()).apply(longer)
 
 
+def five_point_difference(values: Floats, rate_hz: float) -> Floats:
+    """Fourth-order difference along axis 0: 2e-8 of error at 4.5 Hz and 1 kHz; three points have 1.3e-4."""
+    slope = central_difference(values, rate_hz)
+    if len(values) > 4:
+        slope[2:-2] = (values[:-4] - 8 * values[1:-3] + 8 * values[3:-1] - values[4:]) * (rate_hz / 12)
+    return slope
+
+
 _AT_ONCE = 8  # results of one product of matrices
 
 

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impid_host.samples import FLAG_RESET
-from impid_host.wire.decoder import LinkCounts, device_samples, scalars
+from impid_host.wire.decoder import LinkCounts, device_samples
 from impid_host.wire.messages import (
     ACCEL,
     ACCEL_FINE,
@@ -35,7 +35,8 @@ from impid_host.wire.messages import (
     Words,
 )
 from impid_host.wire.records import BoardStatus, Decoded, Loss, NewRun, Pong, Response, Segment
-from impid_host.wire.tracker import Groups, Tracker
+from impid_host.wire.statuses import scalars
+from impid_host.wire.tracker import Groups, Position, Tracker
 
 _MASK32 = 0xFFFFFFFF
 _STATUS_ALWAYS = {layout.frame_id for layout in STATUS[:FIRST_STATUSES]}
@@ -116,6 +117,10 @@ class CanDecoder:
         """Totals so far; bad frames are halves without the other, inconsistent are samples without a date."""
         samples = astuple(self._tracker.counts)
         return LinkCounts(self._good, self._unpaired, 0, 0, self._undated, *samples)
+
+    def resume(self, position: Position) -> None:
+        """Begin in the middle of a stream, of which this sample comes next."""
+        self._tracker.resume(position)
 
     def feed(
         self, identifiers: NDArray[np.uint16], words: Words, arrival_ns: NDArray[np.int64] | None = None

@@ -13,6 +13,7 @@ from impid_host.wire.can import CanDecoder
 from impid_host.wire.decoder import LinkCounts
 from impid_host.wire.messages import COMMAND, WORD_BYTES
 from impid_host.wire.records import Decoded
+from impid_host.wire.tracker import Position
 
 EXTENDED, REMOTE, ERROR = 1 << 31, 1 << 30, 1 << 29
 CAN_FRAME = np.dtype(
@@ -55,6 +56,10 @@ class CanBytesDecoder:
     def counts(self) -> LinkCounts:
         """Totals since the decoder was made."""
         return self._decoder.counts
+
+    def resume(self, position: Position) -> None:
+        """Begin in the middle of a stream, of which this sample comes next."""
+        self._decoder.resume(position)
 
     def feed(self, data: bytes) -> Decoded:
         """What `data` completes. Frames that no board sends (extended, remote, short) are passed over."""

@@ -8,6 +8,7 @@ from impid_host.wire.can_frames import CAN_FRAME, CanBytesDecoder, encode_can_co
 from impid_host.wire.decoder import LinkCounts, SerialDecoder
 from impid_host.wire.frame import DELIMITER, encode_command
 from impid_host.wire.records import Decoded
+from impid_host.wire.tracker import Position
 
 
 class Decoder(Protocol):
@@ -16,6 +17,9 @@ class Decoder(Protocol):
     @property
     def counts(self) -> LinkCounts:
         """Totals since the decoder was made."""
+
+    def resume(self, position: Position) -> None:
+        """Begin in the middle of a stream, of which this sample comes next."""
 
     def feed(self, data: bytes) -> Decoded:
         """What `data` completes."""

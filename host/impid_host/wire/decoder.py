@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impid_host.samples import DeviceSamples
+from impid_host.wire import native
 from impid_host.wire.deframer import Deframer, FrameCounts, Frames
 from impid_host.wire.messages import (
     ACCEL,
@@ -18,17 +19,17 @@ from impid_host.wire.messages import (
     RECORD_BYTES,
     RESPONSE,
     SAMPLE_PERIOD_US,
-    STATUS,
     WORD_BYTES,
-    MessageLayout,
     Words,
 )
-from impid_host.wire.records import BoardStatus, Decoded, Pong, Response, Segment
-from impid_host.wire.tracker import Groups, SampleCounts, Tracker
+from impid_host.wire.records import Decoded, Pong, Response, Segment
+from impid_host.wire.statuses import Statuses, scalars
+from impid_host.wire.tracker import Groups, Position, SampleCounts, Tracker
 
 _SEQ_MODULUS = 1 << 16
 _SAMPLES = (KIND["SAMPLES"], KIND["SAMPLES_WIDE"])
 _LOW32 = 1 << 32
+_NARROW = 2  # words of a sample
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,6 +79,10 @@ class SerialDecoder:
             *astuple(samples),
         )
 
+    def resume(self, position: Position) -> None:
+        """Begin in the middle of a stream, of which this sample comes next."""
+        self._tracker.resume(position)
+
     def feed(self, data: bytes) -> Decoded:
         """What `data` completes."""
         frames = self._deframer.feed(data)
@@ -86,64 +91,80 @@ class SerialDecoder:
         self._count_lost_frames(frames)
         kinds = frames.headers["kind"]
         is_batch = np.isin(kinds, _SAMPLES)
-        batch = np.flatnonzero(is_batch)
-        segments, events = self._samples(frames.headers[batch], [frames.records[i] for i in batch.tolist()])
-        statuses: list[BoardStatus] = []
+        words = _words(frames, is_batch)
+        segments, events = self._samples(frames.headers[is_batch], words)
+        statuses: list[tuple[int, Words]] = []
         responses: list[Response] = []
         pongs: list[Pong] = []
         for i in np.flatnonzero(~is_batch).tolist():
-            kind, header, words = (
-                int(kinds[i]),
-                frames.headers[i],
-                np.frombuffer(frames.records[i], dtype="<u8"),
-            )
+            kind, header, record = int(kinds[i]), frames.headers[i], frames.of(i).view("<u8")
             if kind == KIND["STATUS"]:
-                each = len(words) // max(int(header["count"]), 1)
-                statuses += [_status(header, row) for row in words.reshape(-1, max(each, 1))]
+                each = max(len(record) // max(int(header["count"]), 1), 1)
+                statuses += [(i, row) for row in record.reshape(-1, each)]
             elif kind == KIND["RESPONSE"]:
-                responses += [_response(header, word) for word in words]
+                responses += [_response(header, word) for word in record]
             elif kind == KIND["PONG"]:
-                pongs += [_pong(header, word) for word in words]
-        return Decoded(tuple(segments), tuple(statuses), tuple(responses), tuple(pongs), tuple(events))
+                pongs += [_pong(header, word) for word in record.tolist()]
+        said = Statuses.of(frames.headers, statuses)
+        return Decoded(tuple(segments), said, tuple(responses), tuple(pongs), tuple(events))
 
     def _count_lost_frames(self, frames: Frames) -> None:
-        for boot_id, seq in zip(
-            frames.headers["boot_id"].tolist(), frames.headers["frame_seq"].tolist(), strict=True
-        ):
-            if self._last_frame is not None and self._last_frame[0] == boot_id:
-                missing = (seq - self._last_frame[1] - 1) % _SEQ_MODULUS
-                if missing >= _SEQ_MODULUS // 2:  # an echo of an older frame: nothing is missing
-                    continue
-                self._lost_frames += missing
-            self._last_frame = (boot_id, seq)
+        boots, seqs = frames.headers["boot_id"], frames.headers["frame_seq"]
+        if self._last_frame is not None:
+            boots = np.append(np.uint16(self._last_frame[0]), boots)
+            seqs = np.append(np.uint16(self._last_frame[1]), seqs)
+        missing = np.diff(seqs) - np.uint16(1)
+        if (boots == boots[0]).all() and (missing < _SEQ_MODULUS // 2).all():
+            self._lost_frames += int(missing.sum(dtype=np.int64))
+            self._last_frame = (int(boots[-1]), int(seqs[-1]))
+            return
+        for boot_id, seq in zip(boots.tolist(), seqs.tolist(), strict=True):
+            self._count_lost_before(boot_id, seq)
 
-    def _samples(self, headers: NDArray[Any], records: list[bytes]) -> tuple[list[Segment], list[Any]]:
-        words = _words(headers["kind"], records)
-        accel, encoder = ACCEL.unpack(words[:, 0]), ENCODER.unpack(words[:, 1])
+    def _count_lost_before(self, boot_id: int, seq: int) -> None:
+        if self._last_frame is not None and self._last_frame[0] == boot_id:
+            missing = (seq - self._last_frame[1] - 1) % _SEQ_MODULUS
+            if missing >= _SEQ_MODULUS // 2:  # an echo of an older frame, or itself: nothing is missing
+                return
+            self._lost_frames += missing
+        self._last_frame = (boot_id, seq)
+
+    def _samples(self, headers: NDArray[Any], words: Words) -> tuple[list[Segment], list[Any]]:
         count = headers["count"].astype(np.int64)
         ends = np.cumsum(count)
         within = np.arange(len(words)) - np.repeat(ends - count, count)
-        low32 = np.repeat(headers["first_index"].astype(np.uint64), count) + within.astype(np.uint64)
-        wrong = _contradicts(low32, accel, encoder)
-        if wrong.any():
+        low32 = np.repeat(headers["first_index"], count) + within.astype(np.uint32)
+        columns, wrong = self._unpack(words, low32)
+        if wrong is not None:
             bad = np.zeros(len(headers), dtype=np.bool_)
             bad[np.searchsorted(ends, np.flatnonzero(wrong), side="right")] = True
             self._inconsistent += int(bad.sum())
-            keep = np.flatnonzero(~bad)
-            return self._samples(headers[keep], [records[i] for i in keep.tolist()])
+            return self._samples(headers[~bad], words[~np.repeat(bad, count)])
         groups = Groups(headers["boot_id"], headers["first_index"], headers["t0_us"], headers["count"])
         spans, events = self._tracker.place(groups)
-        t_us = np.repeat(headers["t0_us"].astype(np.uint64), count) + within.astype(np.uint64) * np.uint64(
-            SAMPLE_PERIOD_US
-        )
+        t_us = np.repeat(headers["t0_us"], count) + (within * SAMPLE_PERIOD_US).astype(np.uint64)
         starts = np.append(ends - count, len(words))
         segments = []
         for span in spans:
             rows = slice(int(starts[span.start]), int(starts[span.stop]))
             index = np.uint64(span.first_index) + np.arange(rows.stop - rows.start, dtype=np.uint64)
-            samples = device_samples(t_us[rows], low32[rows], words[rows])
+            # Of wide sensors span by span: a narrow one may follow on the same line.
+            narrow = columns and {name: column[rows] for name, column in columns.items()}
+            samples = DeviceSamples(
+                t_us=t_us[rows], seq=low32[rows], **(narrow or sample_columns(words[rows]))
+            )
             segments.append(Segment(span.boot_id, span.run, index, samples))
         return segments, events
+
+    def _unpack(
+        self, words: Words, low32: NDArray[np.uint32]
+    ) -> tuple[dict[str, NDArray[Any]], NDArray[np.bool_] | None]:
+        """The columns of `DeviceSamples` but time and number (empty where a sensor is wide), and which
+        samples contradict their header (None: none)."""
+        if self._deframer.native and words.shape[1] == _NARROW:
+            return native.unpack(words, low32)
+        wrong = _contradicts(low32.astype(np.uint64), ACCEL.unpack(words[:, 0]), ENCODER.unpack(words[:, 1]))
+        return sample_columns(words) if words.shape[1] == _NARROW else {}, wrong if wrong.any() else None
 
 
 def _contradicts(low32: Words, accel: dict[str, Words], encoder: dict[str, Words]) -> NDArray[np.bool_]:
@@ -154,50 +175,46 @@ def _contradicts(low32: Words, accel: dict[str, Words], encoder: dict[str, Words
     return wrong
 
 
-def _words(kinds: NDArray[np.uint8], records: list[bytes]) -> Words:
+def _words(frames: Frames, is_batch: NDArray[np.bool_]) -> Words:
     """ACCEL, ENCODER and, where one of the frames has it (else without a column), ACCEL_FINE: (N, 2 or 3)."""
+    kinds = frames.headers["kind"]
     if not (kinds == KIND["SAMPLES_WIDE"]).any():
-        return np.frombuffer(b"".join(records), dtype="<u8").reshape(-1, 2)
+        words = frames.records.view("<u8")
+        if not is_batch.all():
+            words = words[np.repeat(is_batch, np.diff(frames.ends, prepend=0) // WORD_BYTES)]
+        return words.reshape(-1, _NARROW)
     rows = []
-    for kind, record in zip(kinds.tolist(), records, strict=True):
-        columns = RECORD_BYTES[kind][0] // WORD_BYTES
-        part = np.frombuffer(record, dtype="<u8").reshape(-1, columns)
+    for i in np.flatnonzero(is_batch).tolist():
+        columns = RECORD_BYTES[int(kinds[i])][0] // WORD_BYTES
+        part = frames.of(i).view("<u8").reshape(-1, columns)
         rows.append(np.pad(part, ((0, 0), (0, 3 - columns))))
     return np.concatenate(rows)
 
 
 def device_samples(t_us: Words, index: Words, words: Words) -> DeviceSamples:
     """Samples of one run: times and indices (N,), and ACCEL, ENCODER and perhaps ACCEL_FINE (N, 2 or 3)."""
+    return DeviceSamples(t_us=t_us, seq=index.astype(np.uint32), **sample_columns(words))
+
+
+def sample_columns(words: Words) -> dict[str, NDArray[Any]]:
+    """What the words say of each sample, by the names of `DeviceSamples`, each (N,)."""
     accel, encoder = ACCEL.unpack(words[:, 0]), ENCODER.unpack(words[:, 1])
-    enc1, enc2 = (_counter(accel[f"enc{n}_high4"], encoder[f"enc{n}_low28"]) for n in (1, 2))
+    counters = {f"enc{n}": _counter(accel[f"enc{n}_high4"], encoder[f"enc{n}_low28"]) for n in (1, 2)}
     flags = (accel["flags"] & np.uint64(0xFF ^ FLAG_FINE)).astype(np.uint8)
-    seq = index.astype(np.uint32)
     if not len(words) or not int(accel["flags"][0]) & FLAG_FINE:
-        ax, ay = accel["ax"].astype(np.uint16), accel["ay"].astype(np.uint16)
-        return DeviceSamples(t_us, seq, ax, ay, enc1, enc2, flags)
+        axes: dict[str, NDArray[Any]] = {name: accel[name].astype(np.uint16) for name in ("ax", "ay")}
+        return axes | counters | {"flags": flags}
     fine = ACCEL_FINE.unpack(words[:, 2])
-
-    def code(high16: Words, axis: str) -> NDArray[np.uint32]:
-        return ((high16 << np.uint64(8)) | fine[f"a{axis}_low8"]).astype(np.uint32)
-
-    x, y, z = code(accel["ax"], "x"), code(accel["ay"], "y"), code(fine["az_high16"], "z")
-    return DeviceSamples(t_us, seq, x, y, enc1, enc2, flags, z)
+    high = {"x": accel["ax"], "y": accel["ay"], "z": fine["az_high16"]}
+    codes = {
+        f"a{axis}": ((high16 << np.uint64(8)) | fine[f"a{axis}_low8"]).astype(np.uint32)
+        for axis, high16 in high.items()
+    }
+    return codes | counters | {"flags": flags}
 
 
 def _counter(high4: Words, low28: Words) -> NDArray[np.int32]:
     return ((high4 << np.uint64(28)) | low28).astype(np.uint32).view(np.int32)
-
-
-def scalars(layout: MessageLayout, word: int) -> dict[str, int]:
-    """Signals of one message as Python integers."""
-    return {name: (word >> shift) & mask for name, (shift, mask) in layout.fields.items()}
-
-
-def _status(header: Any, words: Words) -> BoardStatus:
-    signals: dict[str, int] = {}
-    for layout, word in zip(STATUS, words.tolist(), strict=False):  # an older board sends fewer
-        signals |= scalars(layout, word)
-    return BoardStatus(int(header["boot_id"]), int(header["t0_us"]), int(header["first_index"]), **signals)
 
 
 def _response(header: Any, word: np.uint64) -> Response:
@@ -205,8 +222,8 @@ def _response(header: Any, word: np.uint64) -> Response:
     return Response(int(header["boot_id"]), int(header["t0_us"]), int(header["first_index"]), **signals)
 
 
-def _pong(header: Any, word: np.uint64) -> Pong:
-    signals = scalars(PONG, int(word))
+def _pong(header: Any, word: int) -> Pong:
+    signals = scalars(PONG, word)
     t2_us = extend_low32(signals["t2_us"], int(header["t0_us"]))
     return Pong(int(header["boot_id"]), signals["request_id"], t2_us, t2_us + signals["hold_us"])
 

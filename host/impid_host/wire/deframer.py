@@ -6,7 +6,6 @@ the stream tracker, which sees the gap in the index.
 """
 
 import zlib
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -14,6 +13,7 @@ import numpy as np
 from cobs import cobs
 from numpy.typing import NDArray
 
+from impid_host.wire import native
 from impid_host.wire.frame import CRC_BYTES, DELIMITER, LARGEST_FRAME_BYTES
 from impid_host.wire.messages import HEADER, PROTOCOL_VERSION, RECORD_BYTES
 
@@ -37,14 +37,20 @@ class Frames:
 
     Attributes:
         headers: structured array of the BATCH fields, shape (N,).
-        records: the records of each frame, without header and CRC.
+        records: the records of all frames one after the other, without headers and CRC, shape (bytes,).
+        ends: where those of each frame end, shape (N,).
     """
 
     headers: NDArray[Any]
-    records: Sequence[bytes]
+    records: NDArray[np.uint8]
+    ends: NDArray[np.int64]
 
     def __len__(self) -> int:
-        return len(self.records)
+        return len(self.headers)
+
+    def of(self, which: int) -> NDArray[np.uint8]:
+        """The records of one frame."""
+        return self.records[int(self.ends[which - 1]) if which else 0 : int(self.ends[which])]
 
 
 @dataclass(slots=True)
@@ -58,17 +64,31 @@ class FrameCounts:
 
 @dataclass(slots=True)
 class Deframer:
-    """Feed it whatever the port gives, in pieces of any size."""
+    """Feed it whatever the port gives, in pieces of any size. In C where the extension is there, else in
+    Python; both give the same."""
 
     counts: FrameCounts = field(default_factory=FrameCounts)
+    native: bool = native.available
     _pending: bytes = b""
     _overlong: bool = False  # within a run without a delimiter that is too long for any frame
     _joined: bool = False  # a delimiter was seen: what follows starts at a frame's first byte
 
     def feed(self, data: bytes) -> Frames:
         """The frames that `data` completes."""
-        pieces = (self._pending + data).split(DELIMITER)
-        self._pending = pieces.pop()
+        data = self._pending + data if self._pending else data
+        split = self._split_native if self.native else self._split
+        frames, pending_at = split(data)
+        self._pending = data[pending_at:]
+        if len(self._pending) > LARGEST_FRAME_BYTES:
+            self.counts.bytes_discarded += len(self._pending)
+            self._pending, self._overlong = b"", True
+        self.counts.good_frames += len(frames)
+        return frames
+
+    def _split(self, data: bytes) -> tuple[Frames, int]:
+        """The frames, and where what is no whole one begins."""
+        pieces = data.split(DELIMITER)
+        pending = pieces.pop()
         raws = []
         for piece in pieces:
             raw = _open(piece) if piece and not self._overlong else None
@@ -77,12 +97,18 @@ class Deframer:
             elif piece or self._overlong:
                 self._discard(piece)
             self._joined, self._overlong = True, False
-        if len(self._pending) > LARGEST_FRAME_BYTES:
-            self.counts.bytes_discarded += len(self._pending)
-            self._pending, self._overlong = b"", True
-        self.counts.good_frames += len(raws)
         headers = np.frombuffer(b"".join([raw[:_HEADER_BYTES] for raw in raws]), dtype=HEADER)
-        return Frames(headers=headers, records=[raw[_HEADER_BYTES:-CRC_BYTES] for raw in raws])
+        records = [raw[_HEADER_BYTES:-CRC_BYTES] for raw in raws]
+        ends = np.cumsum([len(record) for record in records], dtype=np.int64)
+        frames = Frames(headers, np.frombuffer(b"".join(records), np.uint8), ends)
+        return frames, len(data) - len(pending)
+
+    def _split_native(self, data: bytes) -> tuple[Frames, int]:
+        headers, records, ends, found = native.deframe(data, joined=self._joined, overlong=self._overlong)
+        self._joined, self._overlong = bool(found.joined), bool(found.overlong)
+        self.counts.bad_frames += int(found.bad)
+        self.counts.bytes_discarded += int(found.discarded)
+        return Frames(headers, records, ends), int(found.pending_at)
 
     def _discard(self, piece: bytes) -> None:
         self.counts.bytes_discarded += len(piece)

@@ -1,5 +1,6 @@
 """What comes out of the wire, whichever carrier brought it."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from itertools import groupby
 
@@ -120,7 +121,7 @@ class Decoded:
     """Everything that one piece of the stream contained."""
 
     segments: tuple[Segment, ...] = ()
-    statuses: tuple[BoardStatus, ...] = ()
+    statuses: Sequence[BoardStatus] = ()
     responses: tuple[Response, ...] = ()
     pongs: tuple[Pong, ...] = ()
     events: tuple[Loss | NewRun, ...] = ()
@@ -156,4 +157,15 @@ def until(segment: Segment, end: tuple[int, int] | None) -> Segment | None:
     if count == 0:
         return None
     kept = slice(0, count)
+    return Segment(segment.boot_id, segment.run, segment.index[kept], rows_of(segment.samples, kept))
+
+
+def since(segment: Segment, begin: tuple[int, int] | None) -> Segment | None:
+    """What of a segment belongs to a window that begins in some run with some stamp (us); None: nothing."""
+    if begin is None or segment.run > begin[0]:
+        return segment
+    first = int(np.searchsorted(segment.samples.t_us, begin[1])) if segment.run == begin[0] else len(segment)
+    if first == len(segment):
+        return None
+    kept = slice(first, None)
     return Segment(segment.boot_id, segment.run, segment.index[kept], rows_of(segment.samples, kept))

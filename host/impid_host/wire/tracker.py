@@ -31,6 +31,16 @@ class Groups:
 
 
 @dataclass(frozen=True, slots=True)
+class Position:
+    """The sample expected next: boot, run, index (64 bit) and stamp (us)."""
+
+    boot_id: int
+    run: int
+    index: int
+    t_us: int
+
+
+@dataclass(frozen=True, slots=True)
 class Span:
     """Groups start..stop-1 follow each other without a gap; first_index is 64 bit."""
 
@@ -59,6 +69,11 @@ class Tracker:
     run: int = -1
     _next_index: int = 0
     _next_t_us: int = 0
+
+    def resume(self, position: Position) -> None:
+        """Begin in the middle of a stream, of which this sample comes next."""
+        self.boot_id, self.run = position.boot_id, position.run
+        self._next_index, self._next_t_us = position.index, position.t_us
 
     def place(self, groups: Groups) -> tuple[list[Span], list[Loss | NewRun]]:
         """Spans of the groups that are new, and what happened between them."""

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 from impid_host.clock.device import ClockExchange
-from impid_host.recording.ledger import EndedBoot, balance
+from impid_host.recording.ledger import EndedBoot, balance, told_by
+from impid_host.recording.runs import Run
 from impid_host.samples import DeviceSamples
 from impid_host.wire.messages import OPCODE
 from impid_host.wire.records import Loss, NewRun, Response, Segment
@@ -52,7 +53,11 @@ def ended(produced: int | None, *, half_us: int = 0, off_us: int = 300_000) -> E
 
 def test_what_the_next_boot_still_knows_closes_the_books() -> None:
     (ledger,) = balance(
-        [segment()], [NewRun(7, 0, FIRST_US, False)], [], [started(START_INDEX - 3)], [ended(3 + STORED + 4)]
+        [Run.of(segment())],
+        [NewRun(7, 0, FIRST_US, False)],
+        told_by([]),
+        [started(START_INDEX - 3)],
+        [ended(3 + STORED + 4)],
     )
     assert (ledger.lost_before, ledger.lost_inside, ledger.lost_after) == (3, 0, 4)
     assert (ledger.produced, ledger.balanced, ledger.uncounted) == (STORED + 7, True, 0)
@@ -62,7 +67,7 @@ def test_losses_inside_count_once() -> None:
     events = [NewRun(7, 0, FIRST_US, False), Loss(7, 0, 200, 11)]
     whole = segment()
     gap = Segment(7, 0, whole.index + np.where(whole.index >= 200, 11, 0).astype(np.uint64), whole.samples)
-    (ledger,) = balance([gap], events, [], [started(START_INDEX)], [ended(STORED + 11 + 4)])
+    (ledger,) = balance([Run.of(gap)], events, told_by([]), [started(START_INDEX)], [ended(STORED + 11 + 4)])
     assert (ledger.lost_inside, ledger.lost_after, ledger.balanced) == (11, 4, True)
 
 
@@ -71,7 +76,11 @@ def test_after_a_loss_of_power_the_clock_gives_a_bound(half_us: int, off_us: int
     """At least what the board can have made, 4 ms of samples less two of the filter; at most the gap, and the
     pings' own uncertainty."""
     (ledger,) = balance(
-        [segment()], [], [], [started(START_INDEX)], [ended(None, half_us=half_us, off_us=off_us)]
+        [Run.of(segment())],
+        [],
+        told_by([]),
+        [started(START_INDEX)],
+        [ended(None, half_us=half_us, off_us=off_us)],
     )
     assert (ledger.produced, ledger.balanced) == (None, None)
     gap_ms = (4000 + off_us + 2 * half_us) / 1000
@@ -81,12 +90,12 @@ def test_after_a_loss_of_power_the_clock_gives_a_bound(half_us: int, off_us: int
 
 def test_without_exchanges_on_both_sides_nothing_is_claimed() -> None:
     boot = EndedBoot(7, None, (), ended(None).next_exchanges)
-    (ledger,) = balance([segment()], [], [], [started(START_INDEX)], [boot])
+    (ledger,) = balance([Run.of(segment())], [], told_by([]), [started(START_INDEX)], [boot])
     assert ledger.uncounted is None
     assert "the board's own count is not known" in str(ledger)
 
 
 def test_a_boot_of_which_nothing_came_is_in_the_books_all_the_same() -> None:
-    first, silent = balance([segment(8)], [], [], [started(START_INDEX, 8)], [ended(5)])
+    first, silent = balance([Run.of(segment(8))], [], told_by([]), [started(START_INDEX, 8)], [ended(5)])
     assert first.boot_id == 8
     assert (silent.boot_id, silent.run, silent.stored, silent.lost, silent.balanced) == (7, -1, 0, 5, True)

@@ -1,33 +1,53 @@
 """The file itself: read by the mcap library alone, cut off anywhere, damaged, or not ours at all."""
 
-import base64
-import json
 import os
 import threading
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
+from first_format import FirstFormatWriter
 from impid_host.clock.device import ClockExchange
 from impid_host.errors import InputError
 from impid_host.link.port import Chunk
 from impid_host.recording.appender import Appender
 from impid_host.recording.reader import read_recording
+from impid_host.recording.transposed import restore
 from impid_host.recording.writer import RecordingWriter
+from impid_host.wire.can_frames import pack_frame
+from impid_host.wire.carrier import CAN, SERIAL, Carrier
 from impid_host.wire.decoder import SerialDecoder
 from mcap.reader import make_reader
 from mcap.writer import Writer
+from with_protobuf import messages, sample_rows
 
+Make = Callable[..., Any]
 GOLDEN = Path(__file__).parents[2] / "protocol" / "golden" / "serial.bin"
 EXCHANGE = ClockExchange(t1_ns=5_000_000_000, t2_us=123, t3_us=130, t4_ns=5_000_400_000)
 
 
-def write_golden(path: Path, pieces: int = 40) -> None:
+def write_golden(path: Path, pieces: int = 40, make: Make = RecordingWriter.create) -> None:
     """The golden stream as a recording, one chunk of the file for each piece of it."""
     raw = GOLDEN.read_bytes()
-    writer = RecordingWriter.create(path, {"impid.host": {"version": "0", "speed": "1.0"}})
-    decoder = SerialDecoder()
-    size = -(-len(raw) // pieces)
+    write(path, raw, SERIAL, -(-len(raw) // pieces), make)
+
+
+def write_golden_can(path: Path, make: Make = RecordingWriter.create) -> None:
+    """The golden frames as a recording."""
+    stored = GOLDEN.with_name("can.bin").read_bytes()
+    frames = [stored[at : at + 11] for at in range(0, len(stored), 11)]
+    raw = b"".join(pack_frame(n, int.from_bytes(f[:2], "little"), f[3:]) for n, f in enumerate(frames))
+    write(path, raw, CAN, len(frames) // 40 * 24, make)
+
+
+def write(path: Path, raw: bytes, carrier: Carrier, size: int, make: Make) -> None:
+    """A stream in pieces of that size, each 100 ms behind the one before."""
+    writer = make(path, {"impid.host": {"version": "0", "speed": "1.0"}}, carrier=carrier.name)
+    decoder = carrier.decoder()
     for number, at in enumerate(range(0, len(raw), size)):
         chunk = Chunk(monotonic_ns=10**9 + number * 10**8, wall_ns=1, data=raw[at : at + size])
         writer.received(chunk)
@@ -48,38 +68,78 @@ def whole(tmp_path: Path) -> Path:
     return tmp_path / "whole.mcap"
 
 
-def test_the_mcap_library_alone_reads_it(whole: Path) -> None:
-    """As Foxglove and PlotJuggler do: index at the end, JSON messages, a schema for each."""
+def test_the_libraries_of_others_read_it(whole: Path) -> None:
+    """As Foxglove and PlotJuggler do: index at the end, and a schema for each channel."""
     want = SerialDecoder().feed(GOLDEN.read_bytes()).segments
-    raw, samples = b"", []
     with whole.open("rb") as file:
-        reader = make_reader(file, validate_crcs=True)
-        assert reader.get_header().profile == "impid-recording/1"
-        for schema, channel, message in reader.iter_messages():
-            assert schema is not None
-            assert schema.encoding == "jsonschema"
-            assert channel.message_encoding == "json"
-            body = json.loads(message.data)
-            told = set(json.loads(schema.data)["properties"])
-            assert set(body) == told - {"az"}  # of a third axis, which this sensor has not
-            if channel.topic == "/wire/rx":
-                raw += base64.b64decode(body["data"])
-            elif channel.topic == "/samples":
-                samples.append(body)
+        reader = make_reader(file)
+        assert reader.get_header().profile == "impid-recording/2"
+        summary = reader.get_summary()
+    assert summary is not None
+    raw, told, counts = b"", [], Counter()
+    for topic, _, message in messages(whole):
+        counts[topic] += 1
+        if topic == "/wire":
+            raw += restore(message.rx_rows, message.rx_bytes, "serial").tobytes()
+        elif topic == "/samples":
+            told += sample_rows(message)
     assert raw == GOLDEN.read_bytes()
-    for name in ("t_us", "ax", "ay", "enc1", "enc2", "flags"):
-        assert [s[name] for s in samples] == np.concatenate([getattr(w.samples, name) for w in want]).tolist()
-    assert [s["index"] for s in samples] == np.concatenate([w.index for w in want]).tolist()
+    assert summary.statistics is not None
+    by_number = summary.statistics.channel_message_counts
+    assert {summary.channels[number].topic: count for number, count in by_number.items()} == counts
+    assert {"/wire", "/events", "/samples", "/status", "/clock"} == set(counts)
+    names = ("t_us", "ax", "ay", "enc1", "enc2", "flags")
+    columns = [np.concatenate([w.index for w in want])]
+    columns += [np.concatenate([getattr(w.samples, name) for w in want]) for name in names]
+    assert told == list(zip(*(column.tolist() for column in columns), strict=True))
+
+
+def test_statuses_and_clock_as_others_read_them(whole: Path) -> None:
+    want = SerialDecoder().feed(GOLDEN.read_bytes()).statuses
+    told = [message for _, _, message in messages(whole, "/status")]
+    assert len(told) == len(want) == 3
+    for status, message in zip(want, told, strict=True):
+        assert {name: getattr(message, name) for name in asdict(status)} == asdict(status)
+    ((_, _, clock),) = messages(whole, "/clock")
+    assert (clock.boot_id, clock.t1_ns, clock.t2_us, clock.t3_us, clock.t4_ns) == (
+        0xBEEF,
+        *asdict(EXCHANGE).values(),
+    )
 
 
 def test_plot_times_are_spaced_like_board_times(whole: Path) -> None:
-    with whole.open("rb") as file:
-        times = [
-            (m.log_time, json.loads(m.data)["t_us"])
-            for _, _, m in make_reader(file).iter_messages("/samples")
-        ]
+    times = [(log_ns, message.t_us) for _, log_ns, message in messages(whole, "/samples")]
     log, board = np.array(times).T
     assert np.array_equal(np.diff(log), np.diff(board) * 1000)
+    assert np.median(np.diff(board)) == 10_000  # 100 points a second
+
+
+@pytest.mark.parametrize("carrier", ["serial", "can"])
+def test_a_recording_of_the_first_format_reads_the_same(tmp_path: Path, carrier: str) -> None:
+    """The same stream through today's writer and through that of the first format."""
+    read = []
+    for name, make in (("new", RecordingWriter.create), ("old", FirstFormatWriter)):
+        path = tmp_path / f"{name}.mcap"
+        if carrier == "serial":
+            write_golden(path, make=make)
+        else:
+            write_golden_can(path, make=make)
+        read.append(read_recording(path))
+    new, old = read
+    assert (new.carrier, old.carrier) == (carrier, carrier)
+    assert sum(map(len, old.segments)) > 500
+    for mine, theirs in zip(new.segments, old.segments, strict=True):
+        assert np.array_equal(mine.index, theirs.index)
+        for name in ("t_us", "seq", "ax", "ay", "enc1", "enc2", "flags"):
+            assert np.array_equal(getattr(mine.samples, name), getattr(theirs.samples, name))
+    assert (new.counts, new.statuses, new.responses, new.exchanges) == (
+        old.counts,
+        old.statuses,
+        old.responses,
+        old.exchanges,
+    )
+    assert [(e.name, e.detail) for e in old.events] == [("stop", {"reason": "end"})]
+    assert (old.ledgers, old.warnings, old.metadata) == (new.ledgers, (), new.metadata)
 
 
 def test_reading_back(whole: Path) -> None:

@@ -4,28 +4,22 @@ from pathlib import Path
 
 import can
 
-from impid_host.errors import InputError
-from impid_host.recording.reader import Recording, read_raw_can
+from impid_host.recording.reader import read_raw_can
+from impid_host.recording.records import Window
 from impid_host.wire.can_frames import ERROR, EXTENDED, REMOTE
 
 _ID_MASK = (1 << 29) - 1
 
 
-def write_can_log(recording: Recording, path: Path) -> None:
+def write_can_log(source: Path, path: Path, window: Window | None = None) -> None:
     """Every frame that came in, with its arrival; .asc or .blf by the name of the file.
 
     Raises:
         InputError: it was recorded over a serial line, where there are no CAN frames.
     """
-    if recording.carrier != "can":
-        raise InputError(
-            recording.path,
-            "was recorded over a serial line and holds no CAN frames",
-            "export it as .parquet, .mat or a study folder",
-        )
-    frames, wall_minus_monotonic_ns = read_raw_can(recording.path)
     with can.Logger(str(path)) as log:
-        for frame in frames:
+        frames = ((f, offset) for piece, offset in read_raw_can(source, window) for f in piece)
+        for frame, wall_minus_monotonic_ns in frames:
             identifier = int(frame["identifier"])
             message = can.Message(
                 timestamp=(int(frame["monotonic_ns"]) + wall_minus_monotonic_ns) * 1e-9,

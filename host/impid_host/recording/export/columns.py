@@ -1,10 +1,13 @@
 """The samples of a recording as columns: one row a sample, all runs one after the other."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
 from impid_host.errors import InputError
 from impid_host.recording.reader import Recording
+from impid_host.wire.records import Segment
 
 Columns = dict[str, NDArray[np.generic]]
 
@@ -17,11 +20,15 @@ def sample_columns(recording: Recording) -> Columns:
     Raises:
         InputError: the recording holds no samples.
     """
-    segments = recording.segments
-    if not segments:
+    if not recording.segments:
         raise InputError(
             recording.path, "holds no samples", "record again; `impid-host info` says what went wrong"
         )
+    return columns_of(recording.segments)
+
+
+def columns_of(segments: Sequence[Segment]) -> Columns:
+    """The same of at least one segment."""
     columns: Columns = {
         "boot_id": np.concatenate([np.full(len(s), s.boot_id, dtype=np.uint16) for s in segments]),
         "run": np.concatenate([np.full(len(s), s.run, dtype=np.uint16) for s in segments]),

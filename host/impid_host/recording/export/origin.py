@@ -20,7 +20,8 @@ def write_origin(recording: Recording, place: Path) -> None:
         InputError: the file cannot be written.
     """
     told = overview(recording)
-    digest = hashlib.sha256(recording.path.read_bytes()).hexdigest()
+    with recording.path.open("rb") as file:
+        digest = hashlib.file_digest(file, "sha256").hexdigest()
     document = {"file": recording.path.name, "sha256": digest, **{key: told[key] for key in _KEPT}}
     try:
         (place / NAME).write_text(json.dumps(document, indent=2) + "\n", encoding="utf-8")

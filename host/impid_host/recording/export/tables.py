@@ -6,20 +6,48 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from impid_host.recording.export.columns import flat_metadata, sample_columns
-from impid_host.recording.reader import Recording
+from impid_host.errors import InputError
+from impid_host.recording.export.columns import columns_of, flat_metadata, sample_columns
+from impid_host.recording.reader import read_recording, sample_pieces, survey
+from impid_host.recording.records import Window
 
 
-def write_parquet(recording: Recording, path: Path) -> None:
-    """One table, the recording's metadata in its schema."""
-    table = pa.table(sample_columns(recording))
-    pq.write_table(table.replace_schema_metadata(flat_metadata(recording)), path, compression="zstd")
+def write_parquet(source: Path, path: Path, window: Window | None = None) -> None:
+    """One table, the recording's metadata in its schema; in pieces, so that its length does not matter.
+
+    Raises:
+        InputError: not a recording, or one that holds no samples.
+    """
+    metadata, writer = flat_metadata(survey(source)), None
+    for piece in sample_pieces(source, window):
+        table = pa.table(columns_of([piece]))
+        if writer is None:
+            writer = pq.ParquetWriter(path, table.schema.with_metadata(metadata), compression="zstd")
+        # One sensor made all of it; a run of a board without the third axis would have it empty.
+        columns = {name: table[name] if name in table.column_names else None for name in writer.schema.names}
+        writer.write_table(
+            pa.table(
+                [
+                    pa.nulls(len(table), writer.schema.field(n).type) if c is None else c
+                    for n, c in columns.items()
+                ],
+                schema=writer.schema,
+            )
+        )
+    if writer is None:
+        raise InputError(source, "holds no samples", "`impid-host info` says what it holds")
+    writer.close()
 
 
-def write_mat(recording: Recording, path: Path) -> None:
-    """One column vector per column and a struct `metadata`, MATLAB 5 format."""
+def write_mat(source: Path, path: Path, window: Window | None = None) -> None:
+    """One column vector per column and a struct `metadata`, MATLAB 5 format.
+
+    Raises:
+        InputError: not a recording, or one that holds no samples.
+    """
     from scipy.io import savemat  # noqa: PLC0415  (slow to import)
 
+    recording = read_recording(source, window)
     columns = {name: np.asarray(column)[:, None] for name, column in sample_columns(recording).items()}
     metadata = {name.replace(".", "_"): value for name, value in flat_metadata(recording).items()}
     savemat(path, columns | {"metadata": metadata}, do_compression=True, long_field_names=True)
