@@ -60,8 +60,8 @@ validate: $(STAMP) ## the long forms, with their figures written to docs/validat
 	@PATH="$(CURDIR)/$(BIN):$$PATH" scripts/validate_recording.sh
 	$(BIN)/pytest -m slow -q
 	scripts/firmware_fuzz.sh -max_total_time=60
-	$(BIN)/python bench/firmware_mutants.py run --jobs 2 --lists board --markdown docs/validation/mutants.md
-	$(BIN)/python bench/firmware_mutants.py run --jobs 2 --lists life --markdown docs/validation/mutants_life.md
+	$(BIN)/python bench/firmware_mutants.py run --jobs 2 --lists board --kept build/mutants.jsonl --markdown docs/validation/mutants.md
+	$(BIN)/python bench/firmware_mutants.py run --jobs 2 --lists life --kept build/mutants.jsonl --markdown docs/validation/mutants_life.md
 	$(BIN)/python scripts/validate/first_paper.py
 	$(BIN)/python scripts/validate/tables_residual.py
 	$(BIN)/python bench/cutoff.py 30 --markdown docs/validation/cutoff.md
@@ -71,10 +71,11 @@ validate: $(STAMP) ## the long forms, with their figures written to docs/validat
 	$(BIN)/python scripts/validate/measured_diagnosis.py
 	$(BIN)/python scripts/validate/planted.py
 	@mkdir -p build
-	$(BIN)/python bench/diagnosis_validation.py run build/diagnosis.jsonl --first-seed 1600000 --jobs 2
+	$(BIN)/python bench/diagnosis_validation.py run build/diagnosis.jsonl --first-seed 1700000 --jobs 2
 	$(BIN)/python bench/diagnosis_validation.py table build/diagnosis.jsonl \
-	  --command 'bench/diagnosis_validation.py run build/diagnosis.jsonl --first-seed 1600000 --jobs 2' \
-	  --markdown docs/validation/diagnosis.md --json docs/validation/diagnosis.json
+	  --command 'bench/diagnosis_validation.py run build/diagnosis.jsonl --first-seed 1700000 --jobs 2' \
+	  --markdown docs/validation/diagnosis.md --json docs/validation/diagnosis.json \
+	  --diagram docs/validation/diagnosis_reliability.png
 
 clean: ## remove what was built, but nothing that was recorded
 	rm -rf $(VENV) build .pio .pio-core *.egg-info hil_sim/_native*.so hil_sim/_native.c

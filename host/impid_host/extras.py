@@ -13,6 +13,7 @@ EXTRAS = {
     "pandas": "pandas",
     "pinocchio": "urdf",
     "rosbags": "ros",
+    "xarray": "xarray",
 }
 
 

@@ -11,26 +11,23 @@ from rich.console import Console
 from impid_host.checks import Agreement, Checks, agreement, check_study
 from impid_host.checks.of_diagnosis import of_input
 from impid_host.checks.of_fit import gate_fit
+from impid_host.checks.pushes import Pushes, find_pushes
 from impid_host.cli.checked import IMPOSSIBLE, refused, unconfirmed
 from impid_host.cli.inputs import load_inputs
 from impid_host.cli.pair import PAIR
 from impid_host.diagnosis.saved import SavedModel, read_model
 from impid_host.errors import UndeterminedError
 from impid_host.impedance.campaign import Options, Progress, StudyFit, default_chain, fit_study
-from impid_host.impedance.constrained import Constrained
 from impid_host.impedance.constrained import constrain as constrain_matrices
-from impid_host.impedance.joint_space import JointImpedance, Limb, joint_impedance
+from impid_host.impedance.joint_space import Limb, joint_impedance
 from impid_host.impedance.reflex import Band, ReflexFit, fit_trial_reflex
 from impid_host.impedance.rows import Split
 from impid_host.impedance.varying.campaign import vary_study
-from impid_host.impedance.varying.fit import VaryingFit
 from impid_host.impedance.varying.schedule import Schedule
-from impid_host.report.check_tables import agreement_table, print_above, print_below
+from impid_host.report.check_tables import print_above, print_below
 from impid_host.report.fit_json import Json, fit_json
-from impid_host.report.fit_page import print_fit
-from impid_host.report.reflex_report import reflex_json, reflex_table
+from impid_host.report.fit_parts import Besides, print_fit
 from impid_host.report.sessions_json import sessions_json
-from impid_host.report.varying_report import varying_json, varying_table
 from impid_host.report.wide_console import table_console
 from impid_host.robot.terms import TERMS
 from impid_host.signals.chain import CHAINS, DEFAULT, Chain
@@ -181,30 +178,30 @@ def command(
         if figures is not None:
             status.update("drawing")
             from impid_host.report.fit_figures import draw_study  # noqa: PLC0415  (matplotlib is slow to import)
+            from impid_host.report.varying_figure import draw_varying  # noqa: PLC0415
 
-            paths_drawn = draw_study(answer.result, figures)
-            if curves:
-                from impid_host.report.varying_figure import draw_varying  # noqa: PLC0415
-
-                paths_drawn += draw_varying(curves, answer.result.loads, figures)
-            drawn = f"{len(paths_drawn)} figures in {figures}"
+            drawings = draw_study(answer.result, figures, answer.pushes)
+            drawings += draw_varying(curves, answer.result.loads, figures)
+            drawn = f"{len(drawings)} figures in {figures}"
     _save(save_model, answer.result, study, options)
     handle = study.setup.handle_mass_kg
     arms = [fit for fit in answer.result.loads if fit.model.name == "arm" and len(fit.model.axes) == 2]
-    extras = _Extras(
-        reflexes=_reflexes(answer.result, validate) if REFLEX in terms else {},
-        tight=[constrain_matrices(fit, handle) for fit in arms] if constrain else [],
-        curves=curves,
+    besides = Besides(
+        pushes=answer.pushes,
+        agreement=answer.measured_twice,
+        constrained=[constrain_matrices(fit, handle) for fit in arms] if constrain else [],
         joints=[] if geometry is None else [joint_impedance(fit, geometry, handle) for fit in arms],
+        reflexes=_reflexes(answer.result, validate) if REFLEX in terms else {},
+        curves=curves,
     )
     for line in [] if answer.provenance is None else answer.provenance.warnings:
         click.echo(line, err=True)
     if json_to != "-":
-        _show(answer, extras, unconfirmed(study))
+        _show(answer, besides, unconfirmed(study))
         if drawn is not None:
             click.echo(drawn)
     if json_to is not None:
-        _write(json.dumps(_document(answer, extras) | sessions_json(study), indent=2), json_to)
+        _write(json.dumps(_document(answer, besides) | sessions_json(study), indent=2), json_to)
     if answer.checks.impossible:
         raise SystemExit(IMPOSSIBLE)
 
@@ -217,16 +214,7 @@ class _Answer:
     provenance: "Provenance | None"
     checks: Checks
     measured_twice: Agreement
-
-
-@dataclass(frozen=True)
-class _Extras:
-    """What was asked for besides."""
-
-    reflexes: dict[str, tuple[ReflexFit, Band]]
-    tight: list[Constrained]
-    curves: tuple[VaryingFit, ...]
-    joints: list[JointImpedance]
+    pushes: Pushes
 
 
 def _answer(
@@ -256,41 +244,25 @@ def _answer(
         refused(study, checks, error, json_to)
     twice = agreement(study, result.loads)
     checks = checks.with_more(gate_fit(result, effects)).with_more(twice.checks)
-    return _Answer(result, provenance, checks, twice)
+    progress("looking for pushes")
+    return _Answer(result, provenance, checks, twice, find_pushes(study, result, options))
 
 
-def _show(answer: _Answer, extras: _Extras, assumption: str) -> None:
+def _show(answer: _Answer, besides: Besides, assumption: str) -> None:
     console = table_console()
     print_above(console, answer.checks)
     for line in [] if answer.provenance is None else answer.provenance.lines:
         click.echo(line)
-    print_fit(console, answer.result, extras.tight, extras.joints, marked=not answer.checks.trusted)
-    if extras.reflexes:
-        console.print(reflex_table(extras.reflexes))
-    if extras.curves:
-        for own in extras.curves:
-            console.print(varying_table(own))
-    if answer.measured_twice.pairs:
-        console.print(agreement_table(answer.measured_twice))
+    print_fit(console, answer.result, besides, marked=not answer.checks.trusted)
     print_below(console, answer.checks)
     if assumption:
         click.echo(assumption)
 
 
-def _document(answer: _Answer, extras: _Extras) -> Json:
-    document = fit_json(
-        answer.result,
-        constrained=extras.tight,
-        joints=extras.joints,
-        checks=answer.checks,
-        measured_twice=answer.measured_twice,
-    )
+def _document(answer: _Answer, besides: Besides) -> Json:
+    document = fit_json(answer.result, besides, checks=answer.checks)
     if answer.provenance is not None:
         document["model"] = asdict(answer.provenance)
-    if extras.curves:
-        document["varying"] = varying_json(extras.curves)
-    if extras.reflexes:
-        document["reflex"] = reflex_json(extras.reflexes)
     return document
 
 

@@ -13,7 +13,6 @@ from impid_host.effects.effect import (
     Term,
     amplitude_phase,
     each_trial,
-    in_some_trials,
     joint_name,
     on_joint,
 )
@@ -54,7 +53,7 @@ def _gain(setting: Setting) -> Iterator[Term]:
             },
             by_model=True,
         )
-        yield from in_some_trials(own, setting, "load") if len(joints) == 1 else [own]
+        yield own
 
 
 def _sets(setting: Setting) -> list[tuple[int, ...]]:
@@ -79,7 +78,7 @@ def _offset(setting: Setting) -> Iterator[Term]:
             columns,
             lambda beta, _shape: {"torque": float(beta[0])},
         )
-        yield from in_some_trials(own, setting, "load", "free")
+        yield own
 
 
 def _cogging(setting: Setting) -> Iterator[Term]:

@@ -26,10 +26,18 @@ _PATH_S = 3.0  # of the clocks' path between two knots
 
 def shifted(view: View, joint: int, error: Floats, slope: Floats, bend: Floats) -> View:
     """The trial with an angle error taken off: error(theta), its first and second derivative in theta."""
+    rate = slope * view.omega[:, joint]
+    return without_error(
+        view, joint, error, rate, slope * view.acc[:, joint] + bend * view.omega[:, joint] ** 2
+    )
+
+
+def without_error(view: View, joint: int, error: Floats, rate: Floats, rise: Floats) -> View:
+    """The trial with an angle error, given with its first and second derivative in time, (N,), taken off."""
     theta, omega, acc = view.theta.copy(), view.omega.copy(), view.acc.copy()
     theta[:, joint] -= error
-    omega[:, joint] -= slope * view.omega[:, joint]
-    acc[:, joint] -= slope * view.acc[:, joint] + bend * view.omega[:, joint] ** 2
+    omega[:, joint] -= rate
+    acc[:, joint] -= rise
     return with_motion(view, theta, omega, acc)
 
 
