@@ -7,5 +7,7 @@ setup(
         "host/impid_host/wire/native_build.py:ffibuilder",
         "hil_sim/native_build.py:ffibuilder",
         "hil_sim/board/elf/chip_build.py:ffibuilder",
-    ]
+    ],
+    # One wheel for all Pythons from this one on: cffi keeps to the limited interface.
+    options={"bdist_wheel": {"py_limited_api": "cp311"}},
 )

@@ -27,8 +27,12 @@ def readings(ticks: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarr
     return adc, np.cumsum(rng.integers(-40, 41, (ticks, 2)), axis=0).astype(np.int32)
 
 
-def bench(binary: Path, carrier: str, seconds: float) -> None:
-    """Streams for so many simulated seconds, then counts instructions for a tenth of that, and prints one line."""
+def speed(binary: Path, carrier: str, seconds: float) -> tuple[float, float, object]:
+    """Streams for so many simulated seconds, then counts instructions for a tenth of that.
+
+    Returns:
+        Times real time by the wall, by processor time, and the count.
+    """
     rng = np.random.default_rng(2)
     board = ElfBoard(binary)
     counter = TickCounter(board)
@@ -55,12 +59,12 @@ def bench(binary: Path, carrier: str, seconds: float) -> None:
     counter.start()
     for _ in range(round(seconds * 100 / BLOCK)):
         counter.run(*readings(BLOCK, rng))
-    speed = f"{seconds / wall:.2f} x real time ({seconds / cpu:.2f} x by processor time)"
-    print(f"{carrier}: {speed}; {counter.result()}")
+    return seconds / wall, seconds / cpu, counter.result()
 
 
 if __name__ == "__main__":
     image = Path(sys.argv[1]) if len(sys.argv) > 1 else DEFAULT
     length = float(sys.argv[2]) if len(sys.argv) > 2 else 20.0
     for name in ("serial", "can"):
-        bench(image, name, length)
+        by_wall, by_processor, count = speed(image, name, length)
+        print(f"{name}: {by_wall:.2f} x real time ({by_processor:.2f} x by processor time); {count}")

@@ -16,6 +16,10 @@ from printed_commands import steps
 
 ROOT = Path(__file__).resolve().parents[1]
 OUT = ROOT / "docs" / "img" / "tutorial"
+VARYING = (
+    "impid-sim study arm-stiffens --seed 1 --out stiffens",
+    "impid-host fit stiffens --varying time --figures varying_figures",
+)
 WIDTH = 900
 PICTURES = {
     "robot": "figures/robot.png",
@@ -37,6 +41,8 @@ def run(folder: Path) -> None:
         if step.kind in ("quick", "slow"):
             for command in step.commands:
                 subprocess.run(command, cwd=folder, check=True)
+    for line in VARYING:
+        subprocess.run(line.split(), cwd=folder, check=True)
 
 
 def shrink(source: Path, out: Path) -> None:
@@ -55,6 +61,7 @@ def main(folder: Path) -> None:
     OUT.mkdir(parents=True, exist_ok=True)
     for name, figure in PICTURES.items():
         shrink(folder / figure, OUT / f"{name}.png")
+    shrink(folder / "varying_figures" / "varying_arm_virtual.png", OUT.parent / "varying.png")
 
 
 if __name__ == "__main__":

@@ -35,8 +35,8 @@ def run(carrier_name: str, hours: float) -> dict[str, object]:
     carrier = {"serial": SERIAL, "can": CAN}[carrier_name]
     decoder = carrier.decoder()
     adc = np.full((PIECE, 8, 2), 2048, dtype=np.uint16)
-    took = _frames if carrier is CAN else NativeBoard.serial_take
-    _command(board, carrier_name, 1, OPCODE["START"])
+    took = can_frames if carrier is CAN else NativeBoard.serial_take
+    command(board, carrier_name, 1, OPCODE["START"])
     ticks = stored = wrong = lost = pieces = 0
     total = int(hours * 3600 * 1000)
     began = time.perf_counter()
@@ -47,7 +47,7 @@ def run(carrier_name: str, hours: float) -> dict[str, object]:
             board.run(adc, np.column_stack([counts, -counts]))
             ticks += PIECE
         else:
-            _command(board, carrier_name, 2, OPCODE["STOP"])
+            command(board, carrier_name, 2, OPCODE["STOP"])
             board.run(adc, np.zeros((PIECE, 2), dtype=np.int32))
         data = took(board)
         pieces += 1
@@ -77,7 +77,7 @@ def run(carrier_name: str, hours: float) -> dict[str, object]:
     }
 
 
-def _command(board: NativeBoard, carrier: str, request_id: int, opcode: int) -> None:
+def command(board: NativeBoard, carrier: str, request_id: int, opcode: int) -> None:
     if carrier == "serial":
         board.serial_receive(b"\0" + SERIAL.encode_command(request_id, opcode, 0, 0), board.now_us)
     else:
@@ -85,7 +85,7 @@ def _command(board: NativeBoard, carrier: str, request_id: int, opcode: int) -> 
         board.can_receive(int(frame["identifier"]), frame["data"].tobytes(), board.now_us)
 
 
-def _frames(board: NativeBoard) -> bytes:
+def can_frames(board: NativeBoard) -> bytes:
     parts = []
     while count := lib.impid_board_can_take(board._board, board._frames, 256):
         assert ffi.sizeof(board._frames[0]) == _RAW.itemsize

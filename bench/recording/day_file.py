@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 from common import save
-from day import FIRST_INDEX, START_US, _command, _frames
+from day import FIRST_INDEX, START_US, can_frames, command
 from impid_host.link.link import Chunk
 from impid_host.recording.reader import read_recording
 from impid_host.recording.writer import RecordingWriter
@@ -33,15 +33,15 @@ def write(carrier_name: str, hours: float, out: Path) -> dict[str, int]:
         BoardConfig(boot_id=9, first_index=FIRST_INDEX, start_us=START_US, serial_bytes_per_ms=0)
     )
     carrier = {"serial": SERIAL, "can": CAN}[carrier_name]
-    decoder, took = carrier.decoder(), _frames if carrier is CAN else NativeBoard.serial_take
+    decoder, took = carrier.decoder(), can_frames if carrier is CAN else NativeBoard.serial_take
     writer = RecordingWriter.create(out, {}, carrier=carrier_name)
     adc = np.full((PIECE, 8, 2), 2048, dtype=np.uint16)
-    _command(board, carrier_name, 1, OPCODE["START"])
+    command(board, carrier_name, 1, OPCODE["START"])
     total, stored, lost = int(hours * 3_600_000), 0, 0
     began_ns = time.monotonic_ns()
     for ticks in range(0, total + PIECE, PIECE):
         if ticks >= total:
-            _command(board, carrier_name, 2, OPCODE["STOP"])
+            command(board, carrier_name, 2, OPCODE["STOP"])
         counts = np.arange(ticks, ticks + PIECE, dtype=np.int64).astype(np.int32)
         board.run(adc, np.column_stack([counts, -counts]))
         data = took(board)

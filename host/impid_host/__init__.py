@@ -16,7 +16,6 @@ What stands in `__all__` is public; the rest may change. Everything is loaded wh
 """
 
 from importlib import import_module
-from importlib.metadata import version
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -24,8 +23,10 @@ if TYPE_CHECKING:
     from impid_host.errors import ImpidError, InputError, UndeterminedError
     from impid_host.front import Study, check, diagnose, example_study, fit, read_study
     from impid_host.results import Diagnosed, Fitted
+    from impid_host.varied import Varied
 
-__version__ = version("impid")
+    __version__: str
+
 __all__ = [
     "Checks",
     "Diagnosed",
@@ -34,6 +35,7 @@ __all__ = [
     "InputError",
     "Study",
     "UndeterminedError",
+    "Varied",
     "__version__",
     "check",
     "diagnose",
@@ -48,6 +50,7 @@ _FROM = {
     "ImpidError": "impid_host.errors",
     "InputError": "impid_host.errors",
     "UndeterminedError": "impid_host.errors",
+    "Varied": "impid_host.varied",
 }
 
 
@@ -55,6 +58,8 @@ def __getattr__(name: str) -> Any:
     """Import a public name when it is first asked for."""
     if name not in __all__:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}; there are {', '.join(__all__)}")
+    if name == "__version__":
+        return import_module("importlib.metadata").version("impid")
     return getattr(import_module(_FROM.get(name, "impid_host.front")), name)
 
 

@@ -4,7 +4,9 @@ Anything else that escapes a command is a defect in impid itself.
 """
 
 from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 
 class ImpidError(Exception):
@@ -27,6 +29,8 @@ class InputError(ImpidError):
     study/free_01/robot.csv, row 1047: t goes back; sort the rows
     >>> error.row, error.remedy
     (1047, 'sort the rows')
+
+    `where` is the file as it was named, with the row.
 
     Args:
         path: the file.
@@ -53,8 +57,14 @@ class InputError(ImpidError):
         self.evidence = dict(evidence or {})
         self.what = what
         self.remedy = remedy
-        place = f"{path}" if row is None else f"{path}, row {row}"
-        super().__init__(f"{place}: {what}; {remedy}")
+        self._given = path
+        self.where = f"{path}" if row is None else f"{path}, row {row}"
+        super().__init__(f"{self.where}: {what}; {remedy}")
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Sent to another process with its parts; an exception knows only its message otherwise."""
+        make = partial(type(self), row=self.row, check=self.check, evidence=self.evidence)
+        return make, (self._given, self.what, self.remedy)
 
 
 class LinkError(ImpidError):

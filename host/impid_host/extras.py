@@ -9,10 +9,20 @@ from impid_host.errors import ImpidError
 # package -> the extra of pyproject.toml that brings it
 EXTRAS = {
     "aiohttp": "view",
+    "asammdf": "mdf",
+    "can": "can",
+    "distributed": "batch",
+    "ezc3d": "c3d",
+    "fsspec": "batch",
     "h5py": "mat",
     "pandas": "pandas",
     "pinocchio": "urdf",
+    "pint": "import",
+    "pyxdf": "xdf",
     "rosbags": "ros",
+    "s3fs": "batch",
+    "simpleeval": "import",
+    "sshfs": "batch",
     "xarray": "xarray",
 }
 

@@ -21,11 +21,14 @@ from impid_host.diagnosis.diagnose import diagnose as _diagnose
 from impid_host.example import example_parts
 from impid_host.impedance.campaign import Options, default_chain
 from impid_host.impedance.rows import Split
+from impid_host.impedance.varying.campaign import vary_study
+from impid_host.impedance.varying.schedule import Schedule
 from impid_host.report.page.findings import fitted, gather
 from impid_host.report.sessions_json import sessions_json
 from impid_host.results import Diagnosed, Fitted, frame
 from impid_host.study.folder import read_study as _read_study
 from impid_host.study.model import Study as _Study
+from impid_host.varied import Varied
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -48,8 +51,8 @@ class Study(_Study):
     """
 
     @classmethod
-    def load(cls, path: str | Path) -> "Study":
-        """Read a study folder.
+    def load(cls, path: str | Path, *, columns: tuple[str, ...] = ()) -> "Study":
+        """Read a study folder; `columns` names other columns of robot.csv to be kept, for `fit_varying`.
 
         >>> Study.load("no/such/study")
         Traceback (most recent call last):
@@ -60,7 +63,7 @@ holds setup.toml
         Raises:
             InputError: the folder or a file of it cannot be read; names file, row or key, and the remedy.
         """
-        return of_model(_read_study(Path(path)))
+        return of_model(_read_study(Path(path), columns))
 
     def check(self) -> Checks:
         """What the study says about its own input: mistakes of the setup, contradictions.
@@ -88,6 +91,24 @@ holds setup.toml
         options = Options(chain=chain, terms=with_terms, split=Split(validate_s))
         first = fitted(self, options, check_study(self))
         return Fitted(self, first.fit, first.checks, first.agreement, chain, first.pushes)
+
+    def fit_varying(self, by: str = "time", *, with_terms: tuple[str, ...] = ()) -> Varied:
+        """Fit, then every load's K, B and x0 as curves with simultaneous 95 % bands (docs/varying.md).
+
+        >>> print(example_study().fit_varying().summary())  # doctest: +ELLIPSIS
+        spring_01, virtual sensor, with time: K may be constant (p ...); x0 may be constant (p ...). VAF ...
+
+        Args:
+            by: "time" (each trial by itself), "posture", "since:COLUMN" (seconds since a column's last
+                rise) or a column of robot.csv, which `Study.load(path, columns=...)` must have kept.
+            with_terms: as `fit`.
+
+        Raises:
+            UndeterminedError: the data do not determine what was asked.
+            InputError: there is no such column.
+        """
+        constant = self.fit(with_terms=with_terms)
+        return Varied(by, constant, vary_study(self, constant.result, constant.chain, Schedule(by)))
 
     def diagnose(self, *, cutoff_hz: float | None = None) -> Diagnosed:
         """Find what the first model lacks, add it, judge it on data that took no part. Takes a minute or so.

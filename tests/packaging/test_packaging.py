@@ -29,8 +29,20 @@ sys.meta_path.insert(0, Refuse())
 """
 POSIX_ONLY = ("tty", "termios", "pty", "fcntl", "resource", "grp", "pwd")
 OF_THE_SIMULATOR = ("hil_sim", "cffi", "_cffi_backend", "unicorn", "elftools")
+OF_THE_BATCH = ("distributed", "fsspec", "s3fs", "sshfs", "duckdb")
 ENVIRONMENT = {**os.environ, "PYTHONPATH": f"{ROOT / 'host'}{os.pathsep}{ROOT}"}
-OPTIONAL = (*OF_THE_SIMULATOR, "h5py", "aiohttp", "pandas", "pinocchio", "rosbags", "msgpack")
+BATCH = (
+    "from impid_host.cli import main\n"
+    "sys.argv = ['impid-host', 'batch', '{studies}', '--out', 'results-of-nothing', *{more}]\nmain()"
+)
+OPTIONAL = (
+    *OF_THE_SIMULATOR,
+    *OF_THE_BATCH,
+    *("aiohttp", "asammdf", "can", "cantools", "ezc3d", "h5py", "msgpack", "pandas", "pinocchio"),
+    *("pint", "pyxdf", "rosbags", "simpleeval", "xarray"),
+)
+# What drives an optional library by design.
+DRIVERS = {"impid_host.view.server", "impid_host.link.can_bus", "impid_host.recording.export.can_log"}
 
 
 def command(code: str, missing: tuple[str, ...] = (), posix: tuple[str, ...] = ()) -> list[str]:
@@ -66,15 +78,13 @@ def test_there_is_no_link_in_the_tree() -> None:
     assert [line for line in entries if line.startswith("120000")] == []
 
 
-def test_readers_of_the_dbc_have_the_one_of_the_protocol() -> None:
+def test_the_simulator_reads_the_dbc_of_the_protocol() -> None:
     one = (ROOT / "protocol" / "impid.dbc").read_bytes()
-    for copy in ("host/impid_host/wire/impid.dbc", "hil_sim/board/impid.dbc"):
-        assert (ROOT / copy).read_bytes() == one, f"{copy}: run scripts/generate_protocol.py"
+    assert (ROOT / "hil_sim/board/impid.dbc").read_bytes() == one, "run scripts/generate_protocol.py"
 
 
 def test_every_module_of_the_host_imports_without_extras_and_on_windows() -> None:
-    """All but what drives an optional library by design."""
-    wanted = [name for name in modules("host", "impid_host") if name != "impid_host.view.server"]
+    wanted = [name for name in modules("host", "impid_host") if name not in DRIVERS]
     code = f"import os, importlib\nfor n in {wanted}: importlib.import_module(n)\nprint(len({wanted}))"
     done = python(code, OPTIONAL, POSIX_ONLY)
     assert done.returncode == 0, done.stderr[-2000:]
@@ -143,6 +153,35 @@ def test_the_simulator_serves_tcp_where_there_are_no_terminals() -> None:
             "try: Hdf5Log(Path('a.mat'))\nexcept Exception as e: raise SystemExit(str(e))",
             "h5py",
             "a.mat (MATLAB 7.3, HDF5) needs h5py: pip install 'impid[mat]'",
+        ),
+        (
+            BATCH.format(studies="s3://clinic/archive", more=[]),
+            "fsspec",
+            "s3://clinic/archive: an address needs fsspec: pip install 'impid[batch]'",
+        ),
+        (
+            BATCH.format(studies="s3://clinic/archive", more=[]),
+            "s3fs",
+            "s3://clinic/archive: s3 needs s3fs: pip install 'impid[batch]'",
+        ),
+        (
+            BATCH.format(studies="sftp://host/archive", more=[]),
+            "sshfs",
+            "sftp://host/archive: sftp needs sshfs: pip install 'impid[batch]'",
+        ),
+        (
+            BATCH.format(studies=".", more=["--scheduler", "tcp://127.0.0.1:1"]),
+            "distributed",
+            "--scheduler needs distributed: pip install 'impid[batch]'",
+        ),
+        *(
+            (
+                f"from pathlib import Path\nfrom impid_host.study.{kind}_log import read_{kind}\n"
+                f"try: read_{kind}(Path('a.{kind}'))\nexcept Exception as e: raise SystemExit(str(e))",
+                library,
+                f"a.{kind} ({kind.upper()}) needs {library}: pip install 'impid[{kind}]'",
+            )
+            for kind, library in (("xdf", "pyxdf"), ("mdf", "asammdf"), ("c3d", "ezc3d"))
         ),
     ],
 )

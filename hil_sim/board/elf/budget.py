@@ -84,7 +84,7 @@ class TickCounter:
             self._handler += instructions - self._entered_at
             self._entered_at = None
 
-    def run(self, adc: NDArray[np.uint16], encoder: NDArray[np.int32]) -> None:
+    def run(self, adc: NDArray[np.uint16] | NDArray[np.uint32], encoder: NDArray[np.int32]) -> None:
         """Runs one tick per row, as `Board.run`."""
         clock = self._board.soc.clock
         for row in range(len(encoder)):

@@ -5,7 +5,6 @@ import sys
 
 import click
 
-from impid_host import __version__
 from impid_host.errors import ImpidError
 
 # name -> what it does; the module of the same name holds a click command called `command`.
@@ -21,6 +20,7 @@ COMMANDS = {
     "diagnose": "Find what the model lacks in a study, and prove it on held-out data.",
     "report": "One page about a study: verdict, tables, figures, provenance.",
     "compare": "Change of M, B, K from session to session; many studies as one table.",
+    "batch": "Check, fit and diagnose any number of studies, on all cores or a cluster.",
     "judge": "Error of a saved model on other records of the same machine, nothing fitted.",
     "import": "Turn foreign logs (CSV, Parquet, .mat) into a study folder.",
     "export": "Write a study folder, Parquet, .mat or CAN log from a recording.",
@@ -51,7 +51,7 @@ class _LazyGroup(click.Group):
 @click.group(
     cls=_LazyGroup, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100}
 )
-@click.version_option(__version__)
+@click.version_option(package_name="impid")
 def cli() -> None:
     """Measure a human arm's mechanical impedance without a force sensor.
 

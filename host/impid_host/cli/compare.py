@@ -1,6 +1,7 @@
 """`impid-host compare`: did M, B or K change from session to session?"""
 
 import json
+from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -9,14 +10,16 @@ import click
 from rich.console import Console
 
 from impid_host.cli.report import write_text
-from impid_host.errors import UndeterminedError
+from impid_host.errors import InputError, UndeterminedError
 
 if TYPE_CHECKING:
-    from impid_host.sessions.long_table import Row
+    from impid_host.sessions.row import Row
+
+_MOST_NAMED = 10
 
 
 @click.command()
-@click.argument("studies", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="STUDY...")
+@click.argument("studies", nargs=-1, required=True, metavar="STUDY|RESULTS...")
 @click.option(
     "--table",
     type=click.Path(path_type=Path, dir_okay=False),
@@ -41,7 +44,7 @@ if TYPE_CHECKING:
     help="Also compare the last models of `diagnose`; takes a minute or so for each study.",
 )
 def command(
-    studies: tuple[Path, ...],
+    studies: tuple[str, ...],
     table: Path | None,
     json_to: str | None,
     figures: Path | None,
@@ -53,17 +56,23 @@ def command(
     Subject, side, date and posture stand in [session] of setup.toml or in a trial.toml. Sessions of one
     subject, side and posture on one day are repeats: their scatter goes into every interval. Without repeats
     the intervals hold the noise within a session alone, and that is said. One STUDY is enough for --table.
+    RESULTS of `impid-host batch`, a folder or an address, are read as they are: nothing is fitted again.
 
     \b
     Examples:
       impid-host compare before/ after/
       impid-host compare p07_*/ --table all.csv --figures figures/
       impid-host compare test/ retest/ --steady --json -
+      impid-host compare results/ --figures figures/
     """
-    from impid_host.cli.checked import IMPOSSIBLE  # noqa: PLC0415  (what follows is slow to import)
+    from impid_host.batch.read_back import is_data_set, read_results  # noqa: PLC0415  (slow to import)
+    from impid_host.cli.checked import IMPOSSIBLE  # noqa: PLC0415
     from impid_host.cli.inputs import load_studies  # noqa: PLC0415
 
-    read = load_studies(studies)
+    results = [read_results(path) for path in studies if is_data_set(path)]
+    folders = [Path(path) for path in studies if not is_data_set(path)]
+    _once([*(place for own in results for place in own.places), *(str(path.resolve()) for path in folders)])
+    read = load_studies(folders)
     from impid_host.report.page.findings import gather  # noqa: PLC0415  (the catalogue is slow to import)
     from impid_host.report.wide_console import table_console  # noqa: PLC0415
     from impid_host.sessions.change import compare  # noqa: PLC0415
@@ -75,7 +84,8 @@ def command(
         over_time,
     )
 
-    rows, impossible = [], False
+    rows = [row for own in results for row in own.rows]
+    impossible = any(own.impossible for own in results)
     with Console(stderr=True).status("checking") as status:
         for study in read:
             own = gather(study, status.update, diagnosed=diagnosed)
@@ -87,7 +97,7 @@ def command(
         write_table(rows, table)
         click.echo(f"{table}: {len(rows)} rows", err=json_to == "-")
     series = compare(rows, steady=steady)
-    if not series and (table is None or len(studies) > 1):
+    if not series and (table is None or len({row.study for row in rows}) != 1):
         raise UndeterminedError(_nothing_common(rows))
     if json_to != "-":
         console = table_console()
@@ -108,14 +118,26 @@ def command(
         raise SystemExit(IMPOSSIBLE)
 
 
+def _once(places: list[str]) -> None:
+    """A study that counted twice would be a repeat without scatter.
+
+    Raises:
+        InputError: one does.
+    """
+    twice = next((place for place, times in Counter(places).items() if times > 1), None)
+    if twice is not None:
+        raise InputError(twice, "is given twice", "give each study once, by itself or in results")
+
+
 def _nothing_common(rows: "Sequence[Row]") -> str:
     """Why there is nothing to compare."""
-    seen = dict.fromkeys(
-        f"{row.study} ({', '.join(part for part in (row.subject, row.side, row.posture, row.load) if part)})"
-        for row in rows
-        if row.load
-    )
+
+    def words(row: "Row") -> str:
+        return ", ".join(part for part in (row.subject, row.side, row.posture, row.load) if part)
+
+    seen = list(dict.fromkeys(f"{row.study} ({words(row)})" for row in rows if row.load))
+    more = "; ..." if len(seen) > _MOST_NAMED else ""
     return (
         "no two studies measured one load of one subject, side and posture: "
-        f"{'; '.join(seen) or 'no load at all'}; name loads alike (`load` in trial.toml)"
+        f"{'; '.join(seen[:_MOST_NAMED]) or 'no load at all'}{more}; name loads alike (`load` in trial.toml)"
     )

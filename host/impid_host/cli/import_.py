@@ -17,7 +17,7 @@ _PATH = click.Path(path_type=Path)
 @click.option("--mapping", required=True, type=_PATH, metavar="MAP.toml", help="Columns, units, trials.")
 @click.option("--out", required=True, type=_PATH, metavar="STUDY/", help="Study folder to make.")
 def command(logs: tuple[Path, ...], mapping: Path, out: Path) -> None:
-    """Turn foreign logs (CSV, Parquet, MATLAB .mat, ROS bags) into a study folder.
+    """Turn foreign logs (CSV, Parquet, MATLAB .mat, ROS bags, XDF, MDF, C3D) into a study folder.
 
     The mapping is a small TOML file: the apparatus, where each column of the robot's log comes from (name,
     unit, scale, or an expression such as a drive's gain), and one table for each trial.

@@ -4,19 +4,22 @@ import re
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
-from impid_host.calibration.applied import with_calibration
 from impid_host.errors import InputError
-from impid_host.recording.reader import Recording, read_recording
-from impid_host.recording.records import Window
 from impid_host.study.folder import read_study
 from impid_host.study.joints import logged_joints
 from impid_host.study.model import Setup, Study, Trial, TrialKind
+from impid_host.study.names import distinct_names
 from impid_host.study.notices import notices_as_lines
 from impid_host.study.robot_csv import read_robot_log
 from impid_host.study.setup_file import read_setup
+
+if TYPE_CHECKING:
+    from impid_host.recording.reader import Recording
+    from impid_host.recording.records import Window
 
 _KIND_OF_NAME: tuple[tuple[str, TrialKind], ...] = (
     ("free", "free"),
@@ -28,10 +31,15 @@ _KIND_OF_NAME: tuple[tuple[str, TrialKind], ...] = (
 
 
 def load_inputs(
-    paths: Sequence[Path], robot_logs: Sequence[Path], setup: Path | None, window: Window | None = None
+    paths: Sequence[Path],
+    robot_logs: Sequence[Path],
+    setup: Path | None,
+    also: Sequence[str] = (),
+    window: "Window | None" = None,
 ) -> Study:
-    """A study folder as it is, or recordings (or a window of each), one robot log each, with the apparatus of
-    `setup`.
+    """A study folder as it is, or recordings (or a window of each), one robot log each, with their apparatus.
+
+    `also` names other columns of the robot's logs to be kept.
 
     Raises:
         InputError: a path that is neither, a recording without its log, or a file that cannot be used.
@@ -44,25 +52,28 @@ def load_inputs(
                 )
             if window is not None:
                 raise InputError(paths[0], "is a study; --window is for recordings", "leave --window out")
-            return read_study(paths[0])
+            return read_study(paths[0], also)
         if setup is None:
             raise InputError(paths[0], "is a recording and needs its apparatus", "add --setup setup.toml")
         if len(robot_logs) != len(paths):
             what = f"{len(paths)} recording(s) but {len(robot_logs)} robot log(s)"
             raise InputError(paths[0], what, "give one --robot-log for each recording, in the same order")
+        from impid_host.calibration.applied import with_calibration  # noqa: PLC0415  (of recordings alone)
+
         recordings = [_recording(path, window) for path in paths]
         apparatus, words = with_calibration(read_setup(setup), recordings)
         if words:
             click.echo(words, err=True)
         trials = [
-            _trial(recording, log, apparatus) for recording, log in zip(recordings, robot_logs, strict=True)
+            _trial(recording, log, apparatus, also)
+            for recording, log in zip(recordings, robot_logs, strict=True)
         ]
         logged_joints(apparatus.robot, trials[0].robot.theta.shape[1], setup)
     return Study(paths[0].stem, apparatus, tuple(sorted(trials, key=lambda trial: trial.name)), source=None)
 
 
 def load_studies(paths: Sequence[Path]) -> list[Study]:
-    """Several study folders; where two have one name, their parents' names are put before it.
+    """Several study folders; where two have one name, parents' names are put before it.
 
     Raises:
         InputError: as `load_inputs`, or the same folder twice.
@@ -72,21 +83,20 @@ def load_studies(paths: Sequence[Path]) -> list[Study]:
         if places.count(place) > 1:
             raise InputError(path, "is given twice", "give each study once")
     read = [load_inputs([path], (), None) for path in paths]
-    names = [study.name for study in read]
-    return [
-        replace(study, name=f"{place.parent.name}/{study.name}") if names.count(study.name) > 1 else study
-        for study, place in zip(read, places, strict=True)
-    ]
+    names = distinct_names({str(place): study.name for study, place in zip(read, places, strict=True)})
+    return [replace(study, name=names[str(place)]) for study, place in zip(read, places, strict=True)]
 
 
-def _recording(path: Path, window: Window | None) -> Recording:
+def _recording(path: Path, window: "Window | None") -> "Recording":
+    from impid_host.recording.reader import read_recording  # noqa: PLC0415  (the wire formats are slow to load)
+
     recording = read_recording(path, window)
     for warning in recording.warnings:
         click.echo(f"{path}: {warning}", err=True)
     return recording
 
 
-def _trial(recording: Recording, log: Path, setup: Setup) -> Trial:
+def _trial(recording: "Recording", log: Path, setup: Setup, also: Sequence[str]) -> Trial:
     path = recording.path
     if not recording.segments:
         raise InputError(path, "holds no samples", "record again with the board streaming")
@@ -104,6 +114,6 @@ def _trial(recording: Recording, log: Path, setup: Setup) -> Trial:
         name=path.stem,
         kind=kind,
         load=re.sub(r"_\d+$", "", path.stem),
-        robot=read_robot_log(log, setup.robot.model),
+        robot=read_robot_log(log, setup.robot.model, () if kind == "free" else also),
         device=longest.samples,
     )

@@ -1,6 +1,5 @@
 """The augmented model as a file: what was found, on which data, so that later fits can use it."""
 
-import hashlib
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
@@ -35,6 +34,7 @@ from impid_host.robot.model import robot_model
 from impid_host.robot.terms import RobotStructure
 from impid_host.signals.arrays import Floats
 from impid_host.signals.quantiles import NORMAL_975
+from impid_host.study.hashes import file_hashes
 from impid_host.study.model import Study
 from impid_host.study.toml_file import Table, validate
 
@@ -264,16 +264,6 @@ def read_model(path: Path) -> SavedModel:
         None if file.textbook is None else file.textbook.read(path),
         None if file.ranges is None else file.ranges.read(),
     )
-
-
-def file_hashes(folder: Path) -> dict[str, str]:
-    """SHA-256 of setup.toml and of every trial's files, by path within the study."""
-    places = [folder / "setup.toml", *sorted(folder.glob("*/trial.toml")), *sorted(folder.glob("*/*.csv"))]
-    return {
-        place.relative_to(folder).as_posix(): hashlib.sha256(place.read_bytes()).hexdigest()
-        for place in places
-        if place.is_file()
-    }
 
 
 def same_files(saved: SavedModel, study: Study) -> tuple[str, ...]:

@@ -1,10 +1,10 @@
 """What stands between the logged torque and the torque at the joint."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
-from scipy import signal
 
 from impid_host.effects.effect import (
     Effect,
@@ -18,6 +18,7 @@ from impid_host.effects.effect import (
 )
 from impid_host.effects.view import Columns, View, advanced, rate_of
 from impid_host.signals.arrays import Floats
+from impid_host.signals.recursive import first_order, recursive
 
 _MAX_DELAY_S = 0.1
 
@@ -167,14 +168,12 @@ def _low_passed(values: Floats, time_constant_s: float, dt: float) -> Floats:
     """First-order lag (N, k), at rest at its first value: (1 + T d/dt) result = values."""
     if time_constant_s <= 0.0:
         return values
-    b, a = signal.bilinear([1.0], [time_constant_s, 1.0], 1.0 / dt)
-    start = signal.lfilter_zi(b, a)[:, None] * values[:1]
-    return np.asarray(signal.lfilter(b, a, values, axis=0, zi=start)[0], dtype=np.float64)
+    return recursive(first_order(0.5 * dt / time_constant_s)[None], values, settled=True)
 
 
-def _delay_rows(name: str) -> Callable[[Setting], list[Term]]:
+def _delay_of(name: str, setting: Setting) -> list[Term]:
     """The terms of one of the two, which share their first order."""
-    return lambda setting: [term for term in _delay(setting) if term.effect == name]
+    return [term for term in _delay(setting) if term.effect == name]
 
 
 _EARLIER = "a record with a sync edge in both logs, and a free trial with faster motion"
@@ -220,7 +219,7 @@ EFFECTS = (
         "actuator",
         (Parameter("delay", "s", -_MAX_DELAY_S, _MAX_DELAY_S, least=2e-5),),
         "study format, Conventions",
-        _delay_rows("actuator.delay"),
+        partial(_delay_of, "actuator.delay"),
         tells={"actuator.lag": _EARLIER},
     ),
     Effect(
@@ -229,7 +228,7 @@ EFFECTS = (
         "actuator",
         (Parameter("time_constant", "s", 0, _MAX_DELAY_S, amplitude=True),),
         "Siciliano et al., Robotics: Modelling, Planning and Control (2009), ch. 5",
-        _delay_rows("actuator.lag"),
+        partial(_delay_of, "actuator.lag"),
         tells={"actuator.delay": _EARLIER},
     ),
 )

@@ -4,7 +4,6 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
-from scipy.interpolate import BSpline
 
 from impid_host.effects.effect import (
     Effect,
@@ -247,6 +246,8 @@ def resynchronised(view: View) -> View:
     """The robot's signals moved by the smooth path of lateness that its angles show against the module's."""
     if view.theta_robot is None:
         return view
+    from scipy.interpolate import BSpline  # noqa: PLC0415  (a fifth of a second, for searches alone)
+
     knots = max(2, int(view.t[-1] / _PATH_S))
     inside = np.linspace(view.t[0], view.t[-1], knots + 1)
     ends = np.concatenate([np.repeat(inside[0], 3), inside, np.repeat(inside[-1], 3)])

@@ -6,23 +6,11 @@ low-pass of second order (Kearney, Stein and Parameswaran, IEEE Trans. Biomed. E
 
 from collections.abc import Iterator
 
-import numpy as np
-from scipy import signal
-
 from impid_host.effects.effect import Setting, Term, by_load
 from impid_host.effects.view import Columns, View
-from impid_host.signals.arrays import Floats
+from impid_host.impedance.reflex_path import CORNERS_RAD_S, DELAYS_S, ReflexPath
 
-# A spinal stretch reflex of a limb takes some 30 to 80 ms; its muscle acts below some 5 Hz.
-DELAYS_S = tuple(float(d) for d in np.linspace(0.03, 0.08, 6))
-CORNERS_RAD_S = (5.0, 8.0, 12.0, 18.0, 27.0)
 _SIDES = {"positive": 1.0, "negative": -1.0}
-
-
-def muscle(stretch: Floats, rate_hz: float, corner_rad_s: float) -> Floats:
-    """The critically damped low-pass h, (N, k)."""
-    b, a = signal.bilinear([corner_rad_s**2], [1.0, 2.0 * corner_rad_s, corner_rad_s**2], rate_hz)
-    return np.asarray(signal.lfilter(b, a, stretch, axis=0), dtype=np.float64)
 
 
 def reflex_terms(setting: Setting) -> Iterator[Term]:
@@ -35,9 +23,8 @@ def reflex_terms(setting: Setting) -> Iterator[Term]:
             def columns(view: View, delay: float, sign: float = sign, corner: float = corner) -> Columns:
                 if view.load is None:
                     return {}
-                late = np.interp(view.t - delay, view.t, view.v[:, 0])
-                stretch = sign * np.maximum(sign * late, 0.0)
-                return by_load(view, muscle(stretch[:, None], view.rate_hz, corner))
+                both = ReflexPath(view.v[:, 0], view.rate_hz)(delay, corner)
+                return by_load(view, both[:, :1] if sign > 0 else both[:, 1:])
 
             yield Term(
                 "load.delay",

@@ -8,7 +8,6 @@ in every channel that is measured.
 from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
-from scipy.interpolate import BSpline
 
 from impid_host.effects.effect import Each, Setting, Term
 from impid_host.effects.odd_machine import machine_structures
@@ -44,6 +43,8 @@ def values_of(view: View, variable: str) -> Floats:
 
 def curve_basis(values: Floats, low: float, high: float, count: int) -> Floats:
     """`count` cubic B-splines over low..high at (N,) values, held at the ends: (N, count)."""
+    from scipy.interpolate import BSpline  # noqa: PLC0415  (a fifth of a second, for searches alone)
+
     high = max(high, low + 1e-9)
     knots = np.concatenate([[low] * 3, np.linspace(low, high, count - 2), [high] * 3])
     inside = np.clip(values, low, high)

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -12,13 +13,15 @@ from impid_host.impedance.loads import LoadKind, LoadModel, load_model
 from impid_host.impedance.partial import PartialLoadFit, identify_partially
 from impid_host.impedance.physical import PhysicalRobot, physical_robot
 from impid_host.impedance.rows import Split
-from impid_host.impedance.stochastic import SpectralFit, fit_spectral, shaken
 from impid_host.robot.model import RobotModel, robot_model, torque_at_load
 from impid_host.robot.terms import RobotStructure, robot_structure
 from impid_host.signals.align import AccelerationSource, AlignedTrial, align, robot_rows
 from impid_host.signals.band import HIGHEST_OF_RATE, following, motion_band_hz
 from impid_host.signals.chain import DEFAULT, Chain
 from impid_host.study.model import Setup, Study
+
+if TYPE_CHECKING:
+    from impid_host.impedance.stochastic import SpectralFit
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,7 +57,7 @@ class StudyFit:
     trials: tuple[AlignedTrial, ...]
     robot: RobotFit | RobotParameters
     loads: tuple[LoadFit, ...]
-    spectral: tuple[SpectralFit, ...] = ()
+    spectral: "tuple[SpectralFit, ...]" = ()
     handle_mass_kg: float = 0.0
     cutoff_hz: float | None = None
     partial: tuple[PartialLoadFit, ...] = ()
@@ -134,9 +137,9 @@ def fit_aligned(
     spectral: list[SpectralFit] = []
     partial: list[PartialLoadFit] = []
     forces: list[ForceComparison] = []
-    for members in _by_load(list(trials)):
+    for members in loads_of(list(trials)):
         progress(f"identifying {members[0].load}")
-        kind = _shaken(study, members)
+        kind = kind_of_load(study, members)
         measured = _measured(members, model)
         if measured:
             forces.append(compare_forces(measured, parameters, options.chain, options.split))
@@ -180,7 +183,7 @@ def fit_load(
     Raises:
         UndeterminedError: the load's trials are of more than one kind.
     """
-    load, rounds = _asked(members, model, robot, kind)
+    load, rounds = model_and_rounds(members, model, robot, kind)
     return [
         identify_load(
             part, load, options.chain, options.split, robot=known, handle_mass_kg=setup.handle_mass_kg
@@ -202,14 +205,14 @@ def fit_partially(
     Raises:
         UndeterminedError: `error`, where open combinations were not its reason.
     """
-    load, rounds = _asked(members, model, robot, kind)
+    load, rounds = model_and_rounds(members, model, robot, kind)
     return [
         identify_partially(part, load, options.chain, options.split, robot=known, error=error)
         for part, known in rounds
     ]
 
 
-def _asked(
+def model_and_rounds(
     members: list[AlignedTrial], model: RobotModel, robot: RobotParameters, kind: LoadKind | None
 ) -> tuple[LoadModel, list[tuple[list[AlignedTrial], RobotParameters | None]]]:
     """The load's model, and which trials serve which method."""
@@ -234,12 +237,14 @@ def fit_shaken(
     model: RobotModel,
     robot: RobotParameters,
     options: Options,
-) -> list[SpectralFit]:
+) -> "list[SpectralFit]":
     """One load's stochastic trials by the spectral method, by either sensor where there are two.
 
     Raises:
         UndeterminedError: the trials are too short or too poor for spectra.
     """
+    from impid_host.impedance.stochastic import fit_spectral, shaken  # noqa: PLC0415  (slow to import)
+
     named = {trial.name: trial for trial in study.trials}
     wide = {one.name: shaken(named[one.name], study.setup, model, options.acceleration) for one in members}
     measured = [trial for trial in members if trial.force is not None]
@@ -247,7 +252,7 @@ def fit_shaken(
         fit_spectral(
             part,
             [wide[one.name] for one in part],
-            _shaken(study, members),
+            kind_of_load(study, members),
             options.chain,
             options.split,
             robot=known,
@@ -299,14 +304,14 @@ def prior_parameters(study: Study, structure: RobotStructure) -> RobotParameters
     return RobotParameters(structure, np.array(prior), np.zeros((size, size)), "prior")
 
 
-def _shaken(study: Study, members: list[AlignedTrial]) -> LoadKind:
+def kind_of_load(study: Study, members: list[AlignedTrial]) -> LoadKind:
     """What the load is: a stochastic trial says it under `on`."""
     trial = next(trial for trial in study.trials if trial.name == members[0].name)
     kind = trial.on if trial.kind == "stochastic" else trial.kind
     return "mass-spring" if kind == "mass-spring" else "arm"
 
 
-def _by_load(aligned: list[AlignedTrial]) -> list[list[AlignedTrial]]:
+def loads_of(aligned: list[AlignedTrial]) -> list[list[AlignedTrial]]:
     """Trials with a load, grouped by its name; stochastic trials apart from the others of the same name."""
     groups: dict[tuple[str, bool], list[AlignedTrial]] = {}
     for trial in aligned:

@@ -83,6 +83,17 @@ class Colour:
         """Stretches (N, c, k) through the channels' filters: unit variance, no correlation."""
         return self._mixed(self._alone(stretches))
 
+    def log_weight(self, stretches: Sequence[Floats]) -> float:
+        """log of the determinant of `whitened`: what the likelihood of the rows themselves has besides."""
+        unmixed = float(np.sum(np.log(np.abs(np.diag(self.mixing)))))
+        total = sum(len(part) for part in stretches) * unmixed
+        for channel in self.channels:
+            for part in stretches:
+                first = min(len(channel.taps), len(part))
+                total -= sum(float(np.log(sd)) for _, sd in channel.steps[:first])
+                total -= (len(part) - first) * float(np.log(channel.steps[-1][1]))
+        return total
+
     def neighbours(self, stretches: Sequence[Floats]) -> Iterator[tuple[list[Floats], list[Floats]]]:
         """What `whitened` gives one standard deviation to either side, along independent directions."""
         alone = self._alone(stretches)

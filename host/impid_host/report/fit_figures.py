@@ -49,7 +49,7 @@ def draw_study(result: StudyFit, folder: Path, pushes: Pushes) -> list[Path]:
             left = load_residual_plots(fits[0], pushes)
             paths.append(_save(residual_figure(left), folder / f"residual_{load}.png"))
             paths.append(_save(parameter_figure(fits), folder / f"parameters_{load}.png"))
-            if len(fits[0].model.axes) == 2:
+            if len(fits[0].model.axes) > 1:
                 figure = ellipse_figure(fits, result.handle_mass_kg)
                 paths.append(_save(figure, folder / f"ellipses_{load}.png"))
             if len(fits) > 1:

@@ -1,7 +1,7 @@
 """What `impid-host fit --json` and `impid-host sync --json` write; keys once used keep their meaning."""
 
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -17,11 +17,13 @@ from impid_host.impedance.matrices import Quantity
 from impid_host.impedance.partial import PartialLoadFit
 from impid_host.impedance.periodic import Periodic
 from impid_host.impedance.physical import PhysicalRobot
-from impid_host.impedance.stochastic import SpectralFit, quantities_of
 from impid_host.report.fit_parts import Besides
 from impid_host.report.reflex_report import reflex_json
 from impid_host.robot.model import LINK
 from impid_host.signals.arrays import Floats
+
+if TYPE_CHECKING:
+    from impid_host.impedance.stochastic import SpectralFit
 
 Json = dict[str, Any]
 _METHODS = {"virtual sensor": "method1", "physical sensor": "method2"}
@@ -215,7 +217,9 @@ def _partial(fit: PartialLoadFit) -> Json:
     }
 
 
-def _spectral(fit: SpectralFit) -> Json:
+def _spectral(fit: "SpectralFit") -> Json:
+    from impid_host.impedance.stochastic import quantities_of  # noqa: PLC0415  (slow to import)
+
     both = fit.against
     return {name: _quantity(getattr(fit, name)) for name in "MBK"} | {
         "estimate": "derived" if fit.estimate.derived is not None else "direct",

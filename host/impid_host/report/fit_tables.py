@@ -1,6 +1,7 @@
 """The tables that `impid-host fit` and `impid-host sync` print."""
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 from rich import box
@@ -12,9 +13,11 @@ from impid_host.impedance.force import ForceComparison
 from impid_host.impedance.identify import LoadFit, RobotFit
 from impid_host.impedance.joint_space import JointImpedance
 from impid_host.impedance.partial import PartialLoadFit
-from impid_host.impedance.stochastic import SpectralFit
 from impid_host.report.parameter_entries import parameter_entries
 from impid_host.signals.arrays import Floats
+
+if TYPE_CHECKING:
+    from impid_host.impedance.stochastic import SpectralFit
 
 METHODS = {"virtual sensor": "Method 1", "physical sensor": "Method 2"}
 _INTERVALS = {
@@ -130,7 +133,7 @@ def joint_table(joints: Sequence[JointImpedance]) -> Table:
     return table
 
 
-def spectral_table(fits: Sequence[SpectralFit]) -> Table:
+def spectral_table(fits: "Sequence[SpectralFit]") -> Table:
     """One stochastic load: time domain and spectral side by side for each sensor, and where they disagree."""
     first = fits[0]
     words = [f"{METHODS[fit.method]}: {fit.against.verdict}" for fit in fits]

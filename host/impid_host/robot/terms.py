@@ -30,24 +30,41 @@ class Term:
     nonnegative: bool = False
 
 
+# Functions with a name: a fit that holds one of them can be sent to another process.
 def _direction(_theta: Floats, omega: Floats, acc: Floats, dt: float) -> Floats:
     return sign_mean(omega, acc, dt)
+
+
+def _constant(_theta: Floats, omega: Floats, _acc: Floats, _dt: float) -> Floats:
+    return np.ones_like(omega)
+
+
+def _signed_square(_theta: Floats, omega: Floats, _acc: Floats, _dt: float) -> Floats:
+    return omega * np.abs(omega)
+
+
+def _acceleration(_theta: Floats, _omega: Floats, acc: Floats, _dt: float) -> Floats:
+    return acc
+
+
+def _angle(theta: Floats, _omega: Floats, _acc: Floats, _dt: float) -> Floats:
+    return theta
 
 
 TERMS: dict[str, Term] = {
     term.name: term
     for term in (
         Term("friction.coulomb", "Fc", "N*m", _direction, True, True),
-        Term("actuator.offset", "offset", "N*m", lambda _theta, omega, _acc, _dt: np.ones_like(omega)),
+        Term("actuator.offset", "offset", "N*m", _constant),
         Term(
             "friction.quadratic",
             "Fq",
             "N*m*s^2/rad^2",
-            lambda _theta, omega, _acc, _dt: omega * np.abs(omega),
+            _signed_square,
             nonnegative=True,
         ),
-        Term("inertia.rotor", "Ia", "kg*m^2", lambda _theta, _omega, acc, _dt: acc, nonnegative=True),
-        Term("elastic.joint", "k", "N*m/rad", lambda theta, _omega, _acc, _dt: theta, nonnegative=True),
+        Term("inertia.rotor", "Ia", "kg*m^2", _acceleration, nonnegative=True),
+        Term("elastic.joint", "k", "N*m/rad", _angle, nonnegative=True),
     )
 }
 

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import stats
 
-from impid_host.sessions.long_table import Row
+from impid_host.sessions.row import Row
 
 Key = tuple[str, str, str, str, str, str]
 

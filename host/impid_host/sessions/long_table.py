@@ -3,7 +3,7 @@
 import csv
 import io
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, fields
 from pathlib import Path
 from typing import Any
 
@@ -13,42 +13,11 @@ from impid_host.impedance.campaign import StudyFit
 from impid_host.impedance.identify import LoadFit, RobotFit
 from impid_host.report.diagnosis_tables import entries_of
 from impid_host.report.parameter_entries import parameter_entries
+from impid_host.sessions.row import Row
 from impid_host.study.model import Session, Study
 
 METHODS = {"virtual sensor": "method1", "physical sensor": "method2"}
 NOISE = "noise"
-
-
-@dataclass(frozen=True, slots=True)
-class Row:
-    """One number of one study.
-
-    Attributes:
-        subject, side, date, posture: of the trials behind it, "" where they were not said or differ;
-            date as YYYY-MM-DD.
-        load: "" for the robot's parameters.
-        method: "method1" (virtual sensor), "method2" (physical sensor), "free trials", or "diagnose", the
-            last model of a diagnosis.
-        quantity: "kxx", say.
-        value, low, high: with its 95 % interval; sd: standard deviation by noise within the study alone,
-            without tolerances of the apparatus, which are the same in each session.
-        trusted: nothing about the study is impossible or contradicts itself.
-    """
-
-    study: str
-    subject: str
-    side: str
-    date: str
-    posture: str
-    load: str
-    method: str
-    quantity: str
-    value: float
-    low: float
-    high: float
-    sd: float
-    unit: str
-    trusted: bool
 
 
 def rows_of(study: Study, fit: StudyFit | None, diagnosis: Diagnosis | None, *, trusted: bool) -> list[Row]:
@@ -108,9 +77,13 @@ def _row(
     unit: str,
     trusted: bool,
 ) -> Row:
+    return Row(study.name, *session_texts(session), load, method, quantity, *numbers, unit, trusted)
+
+
+def session_texts(session: Session) -> tuple[str, str, str, str]:
+    """Subject, side, date (YYYY-MM-DD) and posture, "" where nobody said."""
     date = "" if session.date is None else session.date.isoformat()
-    who = (session.subject or "", session.side or "", date, session.posture or "")
-    return Row(study.name, *who, load, method, quantity, *numbers, unit, trusted)
+    return session.subject or "", session.side or "", date, session.posture or ""
 
 
 def write_table(rows: Sequence[Row], path: Path) -> None:

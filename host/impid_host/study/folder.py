@@ -1,6 +1,7 @@
 """The study folder: a whole campaign as plain files (docs/study-format.md)."""
 
 import shutil
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -19,8 +20,8 @@ from impid_host.study.trial_file import read_trial_head, write_trial_head
 _TRIAL_FILES = ("trial.toml", "robot.csv", "device.csv")
 
 
-def read_study(path: Path | str) -> Study:
-    """Read a study folder.
+def read_study(path: Path | str, also: Sequence[str] = ()) -> Study:
+    """Read a study folder; `also` names other columns of robot.csv to be kept.
 
     Every subfolder that holds a `trial.toml`, `robot.csv` or `device.csv` is a trial; others (figures, say)
     are passed over. Oddities that were coped with are issued as `StudyWarning`.
@@ -33,7 +34,7 @@ def read_study(path: Path | str) -> Study:
         what = "is not a folder" if folder.exists() else "does not exist"
         raise InputError(folder, what, "give the path of a study folder, which holds setup.toml")
     setup = read_setup(folder / "setup.toml")
-    trials = tuple(read_trial(place, setup) for place in _trial_folders(folder))
+    trials = tuple(read_trial(place, setup, also) for place in _trial_folders(folder))
     trials = _with_wide_counters(trials, setup.encoder, folder)
     if not trials:
         remedy = "put each trial into a subfolder with trial.toml and robot.csv"
@@ -42,8 +43,8 @@ def read_study(path: Path | str) -> Study:
     return Study(name=folder.resolve().name, setup=setup, trials=trials, source=folder)
 
 
-def read_trial(path: Path | str, setup: Setup) -> Trial:
-    """Read one trial folder of a study with the apparatus `setup`.
+def read_trial(path: Path | str, setup: Setup, also: Sequence[str] = ()) -> Trial:
+    """Read one trial folder of a study with the apparatus `setup`; `also` as `read_study`, free trials apart.
 
     Raises:
         InputError: a file, a key or a cell is missing or wrong; names file, row and remedy.
@@ -54,7 +55,7 @@ def read_trial(path: Path | str, setup: Setup) -> Trial:
         raise InputError(
             folder, "holds no robot.csv", "add the robot's log, or remove the folder from the study"
         )
-    robot = read_robot_log(folder / "robot.csv", setup.robot.model)
+    robot = read_robot_log(folder / "robot.csv", setup.robot.model, () if head.kind == "free" else also)
     device = None
     if (folder / "device.csv").exists():
         device = _read_device(folder / "device.csv", setup)

@@ -1,6 +1,6 @@
 """A log of another program, whatever its file format: named numeric columns, read one at a time."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Protocol
 
@@ -10,9 +10,12 @@ import pyarrow.parquet
 from numpy.typing import NDArray
 
 from impid_host.errors import InputError
+from impid_host.study.c3d_log import read_c3d
 from impid_host.study.csv_table import CsvDialect, CsvTable, hint_at_delimiter, read_columns, read_header
 from impid_host.study.mat_log import Hdf5Log, MatLog
-from impid_host.study.rosbag_log import RosbagLog, bag_of
+from impid_host.study.mdf_log import read_mdf
+from impid_host.study.rosbag_log import bag_of, read_bag
+from impid_host.study.xdf_log import read_xdf
 
 # Columns larger than this do not come from one trial; a hostile file may merely claim them.
 MAX_COLUMN_BYTES = 1 << 30
@@ -129,15 +132,19 @@ def _is_number(kind: pa.DataType) -> bool:
     return any(test(kind) for test in tests)
 
 
+_WHOLE: dict[str, Callable[[Path], ForeignLog]] = {"xdf": read_xdf, "mdf": read_mdf, "c3d": read_c3d}
+
+
 def open_log(path: Path, file_format: str, dialect: CsvDialect) -> ForeignLog:
-    """Open a log; `file_format` is "csv", "parquet", "mat", "rosbag", or "auto" to judge by the file.
+    """Open a log; `file_format` is "csv", "parquet", "mat", "rosbag", "xdf", "mdf", "c3d", or "auto"
+    to judge by the file.
 
     Raises:
         InputError: the file is missing, empty, or not what it should be.
     """
     bag = bag_of(path) if file_format in ("auto", "rosbag") else None
     if bag is not None:
-        return RosbagLog(bag)
+        return read_bag(bag)
     try:
         if path.is_dir():
             raise InputError(path, "is a folder", "give the log files themselves")
@@ -152,6 +159,8 @@ def open_log(path: Path, file_format: str, dialect: CsvDialect) -> ForeignLog:
     if not start:
         raise InputError(path, "is empty", "the log was never written; copy it again or record it again")
     kind = _kind(path, start) if file_format == "auto" else file_format
+    if kind in _WHOLE:
+        return _WHOLE[kind](path)
     if kind == "parquet":
         return ParquetLog(path)
     if kind == "mat":
@@ -165,4 +174,10 @@ def _kind(path: Path, start: bytes) -> str:
         return "parquet"
     if start.startswith((b"MATLAB", b"\x89HDF")) or path.suffix.lower() in (".mat", ".h5", ".hdf5"):
         return "mat"
+    if start.startswith(b"XDF:") or path.suffix.lower() == ".xdf":
+        return "xdf"
+    if start.startswith(b"MDF ") or path.suffix.lower() in (".mf4", ".mdf"):
+        return "mdf"
+    if start[1:2] == b"\x50" and path.suffix.lower() == ".c3d":
+        return "c3d"
     return "csv"

@@ -20,6 +20,7 @@ from impid_host.study.notices import notice
 from impid_host.study.robot_log import LIMIT, robot_log
 from impid_host.study.trial_file import TrialHead, head_from_table
 
+_APART = ("acc_t", "acc_x", "acc_y")
 _MAY_BE_NAN = ("fx", "fy", "fdx", "fdy")
 
 
@@ -138,6 +139,7 @@ def _import_trial(log: ForeignLog, rule: TrialRule, mapping: Mapping, index: int
 def _logs(log: ForeignLog, rule: TrialRule, mapping: Mapping) -> tuple[RobotLog, ForeignSamples | None]:
     """The robot's log, and the accelerations that stand beside it, on the same clock."""
     values = {name: _values(log, name, column, mapping.path) for name, column in rule.columns.items()}
+    apart = {name: values.pop(name) for name in _APART} if "acc_t" in values else {}
     length = _common_length(log, values, rule)
     if mapping.rate_hz is not None and "t" not in values:
         values["t"] = np.arange(length) / mapping.rate_hz
@@ -149,10 +151,24 @@ def _logs(log: ForeignLog, rule: TrialRule, mapping: Mapping) -> tuple[RobotLog,
         picked["sync"] = _levels(log, columns["sync"], kept)
     felt = [picked.pop(name) for name in ("acc_x", "acc_y") if name in picked]
     robot = robot_log(_Picked(log, picked, kept), mapping.joints)
+    if apart:
+        return _beside(robot, *_apart(log, apart, rule, mapping))
     if not felt:
         return robot, None
     t = picked["t"] if robot.t_written is None else robot.t
     return _beside(robot, np.asarray(t, dtype=np.float64), np.stack(felt, axis=1).astype(np.float64))
+
+
+def _apart(
+    log: ForeignLog, values: Columns[str, Floats], rule: TrialRule, mapping: Mapping
+) -> tuple[Floats, Floats]:
+    """Accelerations that have rows of their own: times (N,), and along the sensor's axes, (N, 2)."""
+    length = _common_length(log, values, rule)
+    columns = {name: np.broadcast_to(column, (length,)) for name, column in values.items()}
+    kept = _rows_in_range(log, columns["acc_t"], rule)
+    kept = kept[_complete(log, columns, kept, drop=mapping.drop_incomplete_rows)]
+    t, *felt = (columns[name][kept] for name in _APART)
+    return t, np.stack(felt, axis=1)
 
 
 def _beside(robot: RobotLog, t: Floats, acceleration: Floats) -> tuple[RobotLog, ForeignSamples]:

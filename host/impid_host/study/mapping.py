@@ -16,11 +16,11 @@ from impid_host.study.setup_file import FORMAT, setup_from_tables
 from impid_host.study.toml_file import Table, load_toml, validate
 
 _PAIRS = (("fx", "fy"), ("fdx", "fdy"), ("acc_x", "acc_y"))
-_OPTIONAL = (*(name for pair in _PAIRS for name in pair), "sync")
+_OPTIONAL = (*(name for pair in _PAIRS for name in pair), "acc_t", "sync")
 
 
 class _Log(Table):
-    format: Literal["auto", "csv", "parquet", "mat", "rosbag"] = "auto"
+    format: Literal["auto", "csv", "parquet", "mat", "rosbag", "xdf", "mdf", "c3d"] = "auto"
     delimiter: str = ","
     decimal: Literal[".", ","] = "."
     header: bool = True
@@ -194,6 +194,8 @@ def _trial_rule(
             raise InputError(
                 path, f"key `columns.{present[0]}` stands alone", f"give both {' and '.join(pair)}"
             )
+    if "acc_t" in given and "acc_x" not in given:
+        raise InputError(path, "key `columns.acc_t` stands alone", "give acc_x and acc_y as well")
     rules = {name: _column_rule(path, name, spec, slides) for name, spec in given.items()}
     return TrialRule(checked.file, checked.name, checked.start_s, checked.stop_s, head, rules)
 

@@ -2,6 +2,7 @@
 
 import datetime
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Literal
@@ -174,6 +175,7 @@ class RobotLog:
         sync: level of the sync line, shape (N,), or None.
         stamps: how `t` was recovered where the file's stamps were coarse or in bursts; None: as written.
         t_written: those stamps, shape (N,), or None.
+        columns: other columns that were asked for, by name, in their own units, each of shape (N,).
     """
 
     t: Floats
@@ -184,6 +186,7 @@ class RobotLog:
     sync: NDArray[np.uint8] | None = None
     stamps: StampFit | None = None
     t_written: Floats | None = None
+    columns: Mapping[str, Floats] = field(default_factory=dict)
 
     def __len__(self) -> int:
         return len(self.t)

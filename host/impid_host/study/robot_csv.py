@@ -1,11 +1,13 @@
 """`robot.csv`: the torque log of the robot's controller."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from impid_host.errors import InputError
 from impid_host.robot.model import ROBOTS
 from impid_host.study.csv_table import read_columns, read_header, write_columns
 from impid_host.study.model import RobotLog, RobotModelName
@@ -25,8 +27,8 @@ def joint_count(model: RobotModelName, columns: list[str]) -> int:
     return max(n, 1)
 
 
-def read_robot_log(path: Path, model: RobotModelName) -> RobotLog:
-    """Read `robot.csv`; the columns' order does not matter, columns of other names are ignored.
+def read_robot_log(path: Path, model: RobotModelName, also: Sequence[str] = ()) -> RobotLog:
+    """Read `robot.csv`; the columns' order does not matter, columns of other names than `also` are ignored.
 
     The log handed out has strictly increasing `t`: see `study.robot_log.robot_log`. A text clock is read.
 
@@ -36,10 +38,15 @@ def read_robot_log(path: Path, model: RobotModelName) -> RobotLog:
     header = read_header(path)
     n = joint_count(model, header)
     forces = [name for pair in FORCE_PAIRS for name in pair if name in header]
-    types: dict[str, np.dtype[Any]] = dict.fromkeys([*log_columns(n), *forces], _FLOAT)
+    missing = [name for name in also if name not in header]
+    if missing:
+        raise InputError(path, f"has no column {missing[0]}", f"it has {', '.join(header)}")
+    types: dict[str, np.dtype[Any]] = dict.fromkeys([*log_columns(n), *forces, *also], _FLOAT)
     if "sync" in header:
         types["sync"] = np.dtype(np.uint8)
-    return robot_log(read_columns(path, types, may_be_empty=forces, clocks=("t",), header=header), n)
+    empty = [*forces, *(name for name in also if name != "sync")]
+    table = read_columns(path, types, may_be_empty=empty, clocks=("t",), header=header)
+    return robot_log(table, n, also)
 
 
 def write_robot_log(log: RobotLog, path: Path) -> None:
@@ -53,4 +60,5 @@ def write_robot_log(log: RobotLog, path: Path) -> None:
         columns |= {"fdx": log.perturbation[:, 0], "fdy": log.perturbation[:, 1]}
     if log.sync is not None:
         columns["sync"] = log.sync
+    columns |= {name: values for name, values in log.columns.items() if name not in columns}
     write_columns(path, columns)

@@ -1,6 +1,6 @@
 """From named columns to a `RobotLog`: what every log has to satisfy, whatever file it came from."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Protocol
@@ -37,7 +37,7 @@ def log_columns(joints: int) -> list[str]:
     return ["t", *(f"theta{i + 1}" for i in range(joints)), *(f"tau{i + 1}" for i in range(joints))]
 
 
-def robot_log(table: LogTable, joints: int) -> RobotLog:
+def robot_log(table: LogTable, joints: int, also: Sequence[str] = ()) -> RobotLog:
     """The log that `table` holds, with strictly increasing `t`.
 
     Stamps in bursts or of a coarse clock are put back on the rows' own clock, with a warning. Else a row that
@@ -51,22 +51,25 @@ def robot_log(table: LogTable, joints: int) -> RobotLog:
         if len(present) == 1:
             missing = next(name for name in pair if name not in present)
             raise InputError(table.path, f"has column {present[0]} but no {missing}", "add or remove it")
-    _check_values(table)
+    _check_values(table, joints)
     _refuse_backwards(table)
     columns = dict(table.columns)
     theta = np.column_stack([columns[f"theta{i + 1}"] for i in range(joints)])
     _refuse_jump(table, theta)
     again = recovered(columns["t"])
     if again is None:
-        return _log(columns, joints, _increasing(table))
+        return _log(columns, joints, _increasing(table), also)
     t, stamps = again
     notice(f"{table.path}: {words(stamps)}")
-    log = _log(columns | {"t": t}, joints, np.ones(len(t), dtype=bool))
+    log = _log(columns | {"t": t}, joints, np.ones(len(t), dtype=bool), also)
     return replace(log, stamps=stamps, t_written=columns["t"])
 
 
-def _check_values(table: LogTable) -> None:
+def _check_values(table: LogTable, joints: int) -> None:
+    known = {*log_columns(joints), "sync", *(name for pair in FORCE_PAIRS for name in pair)}
     for name, column in table.columns.items():
+        if name not in known:
+            continue
         if name == "sync":
             wrong = column > 1
             what = "a level other than 0 and 1"
@@ -136,7 +139,9 @@ def _increasing(table: LogTable) -> NDArray[np.bool_]:
     return keep
 
 
-def _log(columns: Mapping[str, NDArray[Any]], n: int, keep: NDArray[np.bool_]) -> RobotLog:
+def _log(
+    columns: Mapping[str, NDArray[Any]], n: int, keep: NDArray[np.bool_], also: Sequence[str]
+) -> RobotLog:
     def stack(names: list[str]) -> Floats:
         return np.column_stack([columns[name][keep] for name in names])
 
@@ -147,4 +152,5 @@ def _log(columns: Mapping[str, NDArray[Any]], n: int, keep: NDArray[np.bool_]) -
         force=stack(["fx", "fy"]) if "fx" in columns else None,
         perturbation=stack(["fdx", "fdy"]) if "fdx" in columns else None,
         sync=columns["sync"][keep] if "sync" in columns else None,
+        columns={name: np.asarray(columns[name][keep], dtype=np.float64) for name in also},
     )

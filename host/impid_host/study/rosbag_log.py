@@ -7,7 +7,6 @@ where a driver leaves that empty, the time of recording.
 """
 
 from collections import Counter
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impid_host.errors import InputError
+from impid_host.extras import need
+from impid_host.study.columns_log import ColumnsLog
 from impid_host.study.notices import notice
 
 _TYPE = "sensor_msgs/msg/JointState"
@@ -36,44 +37,30 @@ def bag_of(path: Path) -> Path | None:
     return None
 
 
-class RosbagLog:
-    """Joint states of one bag."""
+def read_bag(path: Path) -> ColumnsLog:
+    """Joint states of one bag.
 
-    def __init__(self, path: Path) -> None:
-        self.path = path
-        topics = _joint_states(path)
-        if not topics:
-            raise InputError(path, f"holds no messages of type {_TYPE}", "record the topic /joint_states")
-        self._columns = {
-            name if len(topics) == 1 else f"{topic}/{name}": column
-            for topic, columns in topics.items()
-            for name, column in columns.items()
-        }
-
-    def names(self) -> list[str]:
-        return list(self._columns)
-
-    def column(self, name: str) -> NDArray[np.float64]:
-        return self._columns[name]
-
-    def row(self, index: int) -> int:
-        return index + 1
-
-    def broken(self) -> Mapping[int, InputError]:
-        return {}
-
-    def hint(self) -> str:
-        return "" if any(name.split("/")[-1].startswith("effort.") for name in self._columns) else _NO_EFFORT
+    Raises:
+        InputError: it is damaged, or holds none.
+        MissingExtraError: the extra is not installed.
+    """
+    topics = _joint_states(path)
+    if not topics:
+        raise InputError(path, f"holds no messages of type {_TYPE}", "record the topic /joint_states")
+    columns = {
+        name if len(topics) == 1 else f"{topic}/{name}": column
+        for topic, own in topics.items()
+        for name, column in own.items()
+    }
+    has_effort = any(name.split("/")[-1].startswith("effort.") for name in columns)
+    return ColumnsLog(path, columns, "" if has_effort else _NO_EFFORT)
 
 
 def _joint_states(path: Path) -> dict[str, dict[str, NDArray[np.float64]]]:
-    try:
-        from rosbags.highlevel import AnyReader, AnyReaderError  # noqa: PLC0415  (an optional extra)
-        from rosbags.typesys import Stores, get_typestore  # noqa: PLC0415
-    except ImportError:
-        raise InputError(
-            path, "needs the library rosbags, which is not installed", "pip install 'impid[ros]'"
-        ) from None
+    need("rosbags", f"{path} (a ROS bag)")
+    from rosbags.highlevel import AnyReader, AnyReaderError  # noqa: PLC0415  (an optional extra)
+    from rosbags.typesys import Stores, get_typestore  # noqa: PLC0415
+
     messages: dict[str, list[tuple[int, Any]]] = {}
     try:
         with AnyReader([path], default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as reader:

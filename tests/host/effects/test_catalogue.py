@@ -6,10 +6,10 @@ from impid_host.effects.bounds import possible
 from impid_host.effects.catalogue import CATALOGUE, telling_trial, terms
 from impid_host.effects.effect import amplitude_phase
 from impid_host.effects.friction import dahl, stop
-from impid_host.effects.reflex import muscle
 from impid_host.effects.response import NODES_HZ, filtered
 from impid_host.effects.structure import curve_basis
 from impid_host.effects.view import advanced, rate_of, rotated
+from impid_host.impedance.reflex_path import muscle
 from impid_host.signals.direction import sign_mean
 
 from .apparatus import apparatus

@@ -44,13 +44,41 @@ def test_a_reflex_is_found_with_its_delay_and_side() -> None:
     theta, torque = joint(24.0)
     noise = np.random.default_rng(0).normal(0, 0.01, torque.shape)
     fit = fit_reflex(theta, torque + noise, RATE, fit_s=16.0, band=Band(0.5, 40.0))
-    assert fit.with_reflex == pytest.approx((0.015, 0.8, 60.0), rel=0.02)
-    assert fit.gain[0] == pytest.approx(5.0, rel=0.1)
-    assert abs(fit.gain[1]) < 0.3
-    assert fit.delay_s == pytest.approx(0.05, abs=0.004)
-    assert fit.corner_rad_s == pytest.approx(2 * np.pi * 2.0, rel=0.1)
+    truth = {
+        fit.with_reflex[0]: 0.015,
+        fit.with_reflex[1]: 0.8,
+        fit.with_reflex[2]: 60.0,
+        fit.gain[0]: 5.0,
+        fit.gain[1]: 0.0,
+        fit.delay_s: 0.05,
+        fit.corner_rad_s: 2 * np.pi * 2.0,
+    }
+    for number, true in truth.items():
+        # Of seven intervals one may just miss its truth.
+        half = 0.5 * (number.high - number.low)
+        assert abs(number.value - true) < 1.6 * half
+    assert [own.value for own in fit.with_reflex] == pytest.approx((0.015, 0.8, 60.0), rel=0.02)
+    assert fit.gain[0].value == pytest.approx(5.0, rel=0.1)
+    assert fit.delay_s.value == pytest.approx(0.05, abs=0.003)
+    assert fit.delay_s.high - fit.delay_s.low < 0.006
+    assert fit.delay_determined
+    assert fit.claimed
     assert fit.vaf_reflex > 99.5
     assert fit.vaf_intrinsic < fit.vaf_reflex - 0.5
+
+
+def test_no_reflex_is_claimed_where_there_is_none() -> None:
+    rng = np.random.default_rng(8)
+    w, p = 2 * np.pi * rng.uniform(0.6, 8.0, 12), rng.uniform(0, 2 * np.pi, 12)
+    t = np.arange(0, 24.0, 1 / RATE)
+    angle = np.multiply.outer(t, w) + p
+    theta = 0.01 * np.sin(angle).sum(axis=1)
+    torque = 0.01 * ((60.0 - 0.015 * w**2) * np.sin(angle) + 0.8 * w * np.cos(angle)).sum(axis=1)
+    p_values = [
+        fit_reflex(theta, torque + np.random.default_rng(k).normal(0, 0.05, len(t)), RATE, fit_s=16.0).p_value
+        for k in range(5)
+    ]
+    assert min(p_values) > 0.01
 
 
 def test_a_short_record_is_refused() -> None:
@@ -81,7 +109,9 @@ def test_the_command_fits_a_reflex(tmp_path: Path) -> None:
     result = CliRunner().invoke(cli, arguments, catch_exceptions=False)
     assert result.exit_code == 0, result.output
     found = json.loads(out.read_text())["reflex"]["ankle_01"]
-    assert found["with"]["delay_s"] == pytest.approx(0.05, abs=0.004)
+    assert found["with"]["delay_s"] == pytest.approx(0.05, abs=0.003)
+    low, high = found["with"]["ci95"]["delay_s"]
+    assert 0.03 < low < high < 0.08
     assert found["with"]["K"] == pytest.approx(60.0, rel=0.02)
     assert found["with"]["vaf"] > found["without"]["vaf"]
     free = Trial("free_01", "free", "free", RobotLog(t, theta[:, None], torque[:, None]))
@@ -93,7 +123,7 @@ def test_the_command_fits_a_reflex(tmp_path: Path) -> None:
 
 
 @pytest.mark.measured
-@pytest.mark.parametrize(("record", "goal"), [("z_df", 93.4), ("z_pf", 74.8), ("z_df2", 96.7)])
+@pytest.mark.parametrize(("record", "goal"), [("z_df", 95.8), ("z_pf", 92.2), ("z_df2", 96.8)])
 def test_measured_ankles(measured_data: Path, record: str, goal: float) -> None:
     columns = pq.read_table(measured_data / "ankle_impedance" / f"{record}.parquet")
     theta, torque = np.asarray(columns["position_rad"]), -np.asarray(columns["torque_Nm"])
@@ -102,5 +132,6 @@ def test_measured_ankles(measured_data: Path, record: str, goal: float) -> None:
     assert band.low_Hz < 0.6
     fit = fit_reflex(theta, torque, 1000.0, fit_s=40.0, band=band)
     assert fit.vaf_reflex >= goal
-    assert 0.013 < fit.with_reflex[0] < 0.018  # a foot with its footplate
-    assert 40 < fit.with_reflex[2] < 120
+    assert 0.013 < fit.with_reflex[0].value < 0.018  # a foot with its footplate
+    assert 40 < fit.with_reflex[2].value < 120
+    assert fit.claimed

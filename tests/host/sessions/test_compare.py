@@ -12,7 +12,8 @@ from click.testing import CliRunner, Result
 from impid_host.cli import cli
 from impid_host.errors import ImpidError
 from impid_host.sessions.change import compare, repeatability
-from impid_host.sessions.long_table import Row, common_session
+from impid_host.sessions.long_table import common_session
+from impid_host.sessions.row import Row
 from impid_host.sessions.shown import over_time
 from impid_host.study.folder import write_study
 from impid_host.study.model import Session

@@ -7,8 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 from impid_host.errors import InputError
+from impid_host.extras import MissingExtraError
 from impid_host.study.importing import import_logs
-from impid_host.study.rosbag_log import RosbagLog, bag_of
+from impid_host.study.rosbag_log import bag_of, read_bag
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
@@ -85,7 +86,7 @@ def test_the_file_within_names_the_bag(tmp_path: Path) -> None:
 def test_messages_of_other_joints_are_left_out_and_said(tmp_path: Path) -> None:
     bag = write(tmp_path / "bag", StoragePlugin.MCAP, stray=True)
     with pytest.warns(UserWarning, match="20 of 220 messages on /joint_states are of other joints"):
-        log = RosbagLog(bag)
+        log = read_bag(bag)
     assert log.names() == ["t", "position.shoulder", "position.elbow", "effort.shoulder", "effort.elbow"]
     assert len(log.column("t")) == ROWS
 
@@ -95,11 +96,11 @@ def test_what_is_no_bag_is_an_error_with_its_remedy(tmp_path: Path) -> None:
     (inside,) = bag.glob("*.mcap")
     inside.write_bytes(inside.read_bytes()[:300])
     with pytest.raises(InputError, match="no readable bag"):
-        RosbagLog(bag)
+        read_bag(bag)
 
 
 def test_without_the_library_the_remedy_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     bag = write(tmp_path / "bag", StoragePlugin.MCAP)
-    monkeypatch.setitem(__import__("sys").modules, "rosbags.highlevel", None)
-    with pytest.raises(InputError, match=r"pip install 'impid\[ros\]'"):
-        RosbagLog(bag)
+    monkeypatch.setattr("impid_host.extras.find_spec", lambda _name: None)
+    with pytest.raises(MissingExtraError, match=r"pip install 'impid\[ros\]'"):
+        read_bag(bag)

@@ -5,7 +5,6 @@ from pathlib import Path
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
-from scipy.io import savemat
 
 from impid_host.errors import InputError
 from impid_host.recording.export.columns import columns_of, flat_metadata, sample_columns
@@ -46,6 +45,8 @@ def write_mat(source: Path, path: Path, window: Window | None = None) -> None:
     Raises:
         InputError: not a recording, or one that holds no samples.
     """
+    from scipy.io import savemat  # noqa: PLC0415  (slow to import)
+
     recording = read_recording(source, window)
     columns = {name: np.asarray(column)[:, None] for name, column in sample_columns(recording).items()}
     metadata = {name.replace(".", "_"): value for name, value in flat_metadata(recording).items()}

@@ -50,18 +50,21 @@ class Findings:
         return self.checks.trusted and self.fit is not None
 
 
-def gather(study: Study, progress: Progress = _silent, *, diagnosed: bool = True) -> Findings:
+def gather(
+    study: Study, progress: Progress = _silent, *, diagnosed: bool = True, terms: tuple[str, ...] = ()
+) -> Findings:
     """Check, fit and diagnose a study; what its data do not determine is left out with the reason.
 
     Args:
         diagnosed: look for what the first model lacks; takes a minute or so.
+        terms: optional terms of the robot model in the fit, as `fit --with`.
     """
     progress(f"{study.name}: checking")
     checks = check_study(study)
     missing: list[str] = []
     first = None
     try:
-        options = Options(chain=default_chain(study))
+        options = Options(chain=default_chain(study), terms=terms)
         first = fitted(study, options, checks, lambda words: progress(f"{study.name}: {words}"))
         checks = first.checks
     except UndeterminedError as error:

@@ -6,9 +6,9 @@ from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
 
-from impid_host.diagnosis.saved import file_hashes
 from impid_host.recording.export.origin import board_words, read_origin
 from impid_host.report.page.findings import Findings
+from impid_host.study.hashes import file_hashes
 from impid_host.study.model import Session, Study
 
 _PACKAGES = ("impid", "numpy", "scipy")
