@@ -22,6 +22,8 @@ class Varied:
     {'spring_01': ()}
     >>> varied.to_pandas().columns.tolist()
     ['trial', 'method', 'curve', 'time', 'value', 'low', 'high', 'unit']
+    >>> sorted(varied.to_dict()["varying"][0]["curves"])
+    ['ks', 'kxx', 'kyy', 'x0', 'y0']
 
     Attributes:
         by: "time", "posture", "since:COLUMN" or a column's name; constant: the ordinary fit;
