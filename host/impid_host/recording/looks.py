@@ -1,9 +1,10 @@
 """Samples, statuses and clock exchanges as messages for looking.
 
-A message of `/samples` holds up to ten samples that follow each other: the first as plain numbers, which
-is what plots show, 100 times a second; the rest as steps from one to the next. Row i has index `index +
-i` and stamp `t_us + 1000 i`. Ten, for at a message a sample the hour of noisy readings takes 65 MB more,
-and PlotJuggler and Foxglove plot no lists over time."""
+A message of `/samples` holds up to twenty samples that follow each other: the first as plain numbers,
+which is what plots show, 50 times a second; the rest as steps from one to the next. Row i has index
+`index + i` and stamp `t_us + 1000 i`. Twenty, because PlotJuggler and Foxglove plot no lists over time: ten
+would take 10 MB more an hour, a message a sample some 50 (`bench/recording/size.py`).
+"""
 
 from dataclasses import asdict
 
@@ -15,7 +16,7 @@ from impid_host.recording.channels import CLOCK_FIELDS, SAMPLE_FIELDS, STATUS_FI
 from impid_host.recording.protobuf import SINT32, number, packed, varint, varints, zigzag
 from impid_host.wire.records import BoardStatus, Segment
 
-PER_MESSAGE = 10
+PER_MESSAGE = 20
 _SIGNALS = ("ax", "ay", "az", "enc1", "enc2")
 
 
@@ -59,7 +60,7 @@ def clock_message(exchange: ClockExchange, boot_id: int) -> bytes:
 
 
 def _cuts(index: NDArray[np.uint64]) -> NDArray[np.intp]:
-    """Rows at which a message begins: after a gap, and every ten."""
+    """Rows at which a message begins: after a gap, and every twenty."""
     gaps = np.flatnonzero(np.diff(index) != 1) + 1
     first = np.concatenate([[0], gaps])
     stop = np.append(gaps, len(index))
