@@ -3,9 +3,11 @@ PYTHON ?= $(shell command -v python3.11 || command -v python3)
 VENV   := .venv
 BIN    := $(VENV)/bin
 STAMP  := $(VENV)/.installed
+# The versions that CI tests with, by `make lock`; other Pythons take the newest that pyproject.toml allows.
+LOCK   := requirements.lock
 C_SOURCES := $(wildcard firmware/core/*.[ch] firmware/generated/*.[ch] firmware/boards/native/*.[ch] hil_sim/plant/*.[ch] hil_sim/board/elf/*.[ch])
 
-.PHONY: help setup demo docs test lint firmware test-python test-firmware validate bench clean
+.PHONY: help setup lock demo docs test lint firmware test-python test-firmware validate bench clean
 
 help: ## print this list
 	@grep -E '^[a-z-]+:.*## ' $(firstword $(MAKEFILE_LIST)) | sed -E 's/^([a-z-]+):.*## /  make \1\t/' | expand -t 24
@@ -18,11 +20,17 @@ $(VENV)/bin/python:
 	@command -v cc >/dev/null || { echo "impid needs a C compiler; on Debian: sudo apt-get install gcc libc6-dev" >&2; exit 1; }
 	$(PYTHON) -m venv $(VENV)
 
-$(STAMP): pyproject.toml setup.py $(C_SOURCES) | $(VENV)/bin/python
-	IMPID_SIM=1 $(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev]'
+$(STAMP): pyproject.toml setup.py $(LOCK) $(C_SOURCES) | $(VENV)/bin/python
+	IMPID_SIM=1 $(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev]' \
+	  $$($(BIN)/python -c 'import sys; sys.version_info[:2] == (3, 11) and print("--constraint $(LOCK)")')
 	@touch $@
 
 setup: $(STAMP) ## make the virtual environment with everything in it
+
+lock: $(STAMP) ## take the newest versions of everything, and write them down for CI
+	IMPID_SIM=1 $(BIN)/python -m pip install --quiet --disable-pip-version-check --upgrade \
+	  --upgrade-strategy eager --editable '.[dev]'
+	$(BIN)/python scripts/lock.py
 
 demo: $(STAMP) ## record, sync, fit and plot on the simulator
 	@PATH="$(CURDIR)/$(BIN):$$PATH" scripts/demo.sh
@@ -60,8 +68,8 @@ validate: $(STAMP) ## the long forms, with their figures written to docs/validat
 	@PATH="$(CURDIR)/$(BIN):$$PATH" scripts/validate_recording.sh
 	$(BIN)/pytest -m slow -q
 	scripts/firmware_fuzz.sh -max_total_time=60
-	$(BIN)/python bench/firmware_mutants.py run --jobs 2 --lists board --markdown docs/validation/mutants.md
-	$(BIN)/python bench/firmware_mutants.py run --jobs 2 --lists life --markdown docs/validation/mutants_life.md
+	$(BIN)/python bench/firmware_mutants.py run --jobs 2 --lists board --kept build/mutants.jsonl --markdown docs/validation/mutants.md
+	$(BIN)/python bench/firmware_mutants.py run --jobs 2 --lists life --kept build/mutants.jsonl --markdown docs/validation/mutants_life.md
 	$(BIN)/python scripts/validate/first_paper.py
 	$(BIN)/python scripts/validate/tables_residual.py
 	$(BIN)/python bench/cutoff.py 30 --markdown docs/validation/cutoff.md
@@ -71,10 +79,11 @@ validate: $(STAMP) ## the long forms, with their figures written to docs/validat
 	$(BIN)/python scripts/validate/measured_diagnosis.py
 	$(BIN)/python scripts/validate/planted.py
 	@mkdir -p build
-	$(BIN)/python bench/diagnosis_validation.py run build/diagnosis.jsonl --first-seed 1600000 --jobs 2
+	$(BIN)/python bench/diagnosis_validation.py run build/diagnosis.jsonl --first-seed 1700000 --jobs 2
 	$(BIN)/python bench/diagnosis_validation.py table build/diagnosis.jsonl \
-	  --command 'bench/diagnosis_validation.py run build/diagnosis.jsonl --first-seed 1600000 --jobs 2' \
-	  --markdown docs/validation/diagnosis.md --json docs/validation/diagnosis.json
+	  --command 'bench/diagnosis_validation.py run build/diagnosis.jsonl --first-seed 1700000 --jobs 2' \
+	  --markdown docs/validation/diagnosis.md --json docs/validation/diagnosis.json \
+	  --diagram docs/validation/diagnosis_reliability.png
 
 bench: $(STAMP) ## speed and memory of everything that somebody waits for, beside peers (ten minutes)
 	$(BIN)/python -m bench.speed --out docs/validation/bench.md

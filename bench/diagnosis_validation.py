@@ -22,6 +22,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import click
 from diagnosis_campaign.cases import STRENGTHS, Case, Sizes, plan
+from diagnosis_campaign.diagram import draw
 from diagnosis_campaign.page import page
 from diagnosis_campaign.run import run as run_case
 from diagnosis_campaign.tally import summary
@@ -93,10 +94,15 @@ def run(
 @click.option("--command", "made_by", default="", help="That made the lines; shown on the page.")
 @click.option("--markdown", type=FILE, help="Page whose tables to replace; left out: the screen.")
 @click.option("--json", "json_file", type=FILE, help="Where to write the numbers.")
-def table(lines: tuple[Path, ...], made_by: str, markdown: Path | None, json_file: Path | None) -> None:
+@click.option("--diagram", type=FILE, help="Where to draw how often names were right, by confidence.")
+def table(
+    lines: tuple[Path, ...], made_by: str, markdown: Path | None, json_file: Path | None, diagram: Path | None
+) -> None:
     """Rates with their intervals, errors before and after, and every failure."""
     numbers = summary([line for path in lines for line in read(path)])
     text = page(numbers, made_by or "python bench/diagnosis_validation.py run ...")
+    if diagram is not None:
+        draw(numbers["reliability"], diagram)
     if markdown is None:
         click.echo(text)
     else:

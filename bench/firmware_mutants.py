@@ -4,13 +4,19 @@
     .venv/bin/python bench/firmware_mutants.py run --only DDS
     .venv/bin/python bench/firmware_mutants.py judge .pio/build/nucleo_f446re/firmware.elf nucleo
 
+With `--kept FILE` each verdict is written there at once, and those that are there of the same sources are not
+found anew: a run of hours may stop and go on.
+
 A mistake is caught if the binary that has it fails one of the checks in firmware_mutation, or does what the
 emulator refuses. Less than 95 % caught, or a survivor that the list does not explain, is a failure (exit status 1).
 """
 
+import hashlib
+import json
 import signal
 import subprocess
 import sys
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from queue import Queue
@@ -18,7 +24,7 @@ from tempfile import TemporaryDirectory
 
 import click
 from firmware_mutation.checks import CHECKS, first_failure
-from firmware_mutation.mutants import Mutant, MutantError, Workshop, mutants
+from firmware_mutation.mutants import COPIED, ROOT, Mutant, MutantError, Workshop, mutants
 
 from hil_sim.board.elf.wiring import CUSTOM, NUCLEO
 
@@ -56,29 +62,60 @@ def verdict(image: Path, board: str, of_list: str) -> str | None:
     return done.stdout.strip() if done.returncode else None
 
 
+class Verdicts:
+    """What has been found so far, in a file of JSON lines; without a file, nothing."""
+
+    def __init__(self, file: Path | None) -> None:
+        self._file = file
+        rows = file.read_text(encoding="utf-8").splitlines() if file is not None and file.exists() else []
+        self._found: dict[str, str | None] = dict(json.loads(row) for row in rows)
+        sources = sorted(path for name in COPIED for path in (ROOT / name, *(ROOT / name).rglob("*.[chl]*")))
+        self._sources = hashlib.sha256(b"".join(path.read_bytes() for path in sources if path.is_file()))
+
+    def _key(self, mutant: Mutant) -> str:
+        digest = self._sources.copy()
+        digest.update(repr((mutant.file, mutant.old, mutant.new, mutant.board)).encode())
+        return digest.hexdigest()
+
+    def of(self, mutant: Mutant, find: Callable[[Mutant], str | None]) -> str | None:
+        """As kept, or as found now."""
+        key = self._key(mutant)
+        if key not in self._found:
+            self._found[key] = find(mutant)
+            if self._file is not None:
+                self._file.parent.mkdir(parents=True, exist_ok=True)
+                with self._file.open("a", encoding="utf-8") as out:
+                    out.write(json.dumps([key, self._found[key]]) + "\n")
+        return self._found[key]
+
+
 @main.command()
 @click.option("--jobs", default=1, show_default=True, help="Binaries at a time.")
 @click.option("--only", default="", help="Mistakes whose description or file contains this.")
 @click.option("--lists", default="", help="Lists whose file name contains this, e.g. life.")
 @click.option("--markdown", type=click.Path(dir_okay=False, path_type=Path), help="Where the table goes.")
-def run(jobs: int, only: str, lists: str, markdown: Path | None) -> None:
+@click.option("--kept", type=click.Path(dir_okay=False, path_type=Path), help="Where verdicts are kept.")
+def run(jobs: int, only: str, lists: str, markdown: Path | None, kept: Path | None) -> None:
     """Builds and judges every mistake, and the firmware without any."""
     chosen = [mutant for mutant in mutants(lists) if only in mutant.what or only in mutant.file]
     whole = [
-        Mutant("no mistake", "boards/stm32f446/main.c", "int main(void)", "int main(void)", b)
-        for b in WIRINGS
+        Mutant("no mistake", "boards/stm32/main.c", "int main(void)", "int main(void)", b) for b in WIRINGS
     ]
+    verdicts = Verdicts(kept)
     workshops: Queue[Workshop] = Queue()
     with TemporaryDirectory() as folder:
         for number in range(jobs):
             workshops.put(Workshop(Path(folder, str(number))))
 
-        def examine(mutant: Mutant) -> str | None:
+        def find(mutant: Mutant) -> str | None:
             workshop = workshops.get()
             try:
-                failure = verdict(workshop.build(mutant), mutant.board, mutant.of_list)
+                return verdict(workshop.build(mutant), mutant.board, mutant.of_list)
             finally:
                 workshops.put(workshop)
+
+        def examine(mutant: Mutant) -> str | None:
+            failure = verdicts.of(mutant, find)
             print(f"{mutant.what}: {failure or 'survives'}", flush=True)
             return failure
 

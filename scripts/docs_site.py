@@ -7,11 +7,15 @@ that leaves the site is turned into plain text.
 import importlib
 import os
 import re
+import sys
 from pathlib import Path
 from typing import Any
 
 import cantools
 import click
+
+sys.path.insert(0, str(Path(__file__).parent))  # mkdocs loads a hook by its path
+import gallery
 
 ROOT = Path(__file__).resolve().parents[1]
 # file of the repository -> page of the site
@@ -22,7 +26,7 @@ PAGES = {
     "firmware/README.md": "firmware.md",
     "firmware/boards/nucleo_f446re/README.md": "nucleo_f446re.md",
     "firmware/boards/stm32g474/README.md": "stm32g474.md",
-}
+} | {f"docs/gallery/{path.name}": f"gallery/{path.stem}.md" for path in gallery.paths()}
 _LINK = re.compile(r"(!?)\[([^\]\n]*)\]\(([^)\s]+)\)")
 _FENCE = re.compile(r"^(```.*?^```)", re.MULTILINE | re.DOTALL)
 
@@ -31,12 +35,20 @@ def on_files(files: Any, config: Any) -> Any:
     """Add the pages that no file in docs/ holds."""
     from mkdocs.structure.files import File  # noqa: PLC0415  (only the site needs mkdocs)
 
-    texts = {page: (ROOT / source).read_text(encoding="utf-8") for source, page in PAGES.items()}
+    texts: dict[str, str | bytes] = {
+        page: (ROOT / source).read_text(encoding="utf-8")
+        for source, page in PAGES.items()
+        if source.endswith(".md")
+    }
     texts |= {
         "reference/commands.md": commands_page(),
         "reference/effects.md": effects_page(),
         "reference/messages.md": messages_page(),
     }
+    for path in gallery.paths():
+        example = gallery.run(path)
+        texts[f"gallery/{path.stem}.md"] = example.page()
+        texts |= {f"gallery/{name}": picture for name, picture in example.pictures.items()}
     for page, text in texts.items():
         files.append(File.generated(config, page, content=text))
     return files

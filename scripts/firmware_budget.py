@@ -16,6 +16,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 BOARDS = ROOT / "firmware" / "boards"
+BOTH = BOARDS / "stm32"  # what both chips have
 # The port of every board that is none of the first chip.
 PORTS = {"nucleo_g474re": "stm32g474"}
 FLASH_BYTES = 32 * 1024
@@ -118,9 +119,9 @@ def functions(elf: Path, frames: dict[str, int]) -> dict[str, Function]:
 def addresses_taken(elf: Path, names: Iterable[str], port: Path) -> set[str]:
     """Functions whose address stands as a word in the program outside the vector table."""
     at = symbols(elf)
-    interrupts = re.search(r"IRQ_COUNT = (\d+)", (port / "interrupts.h").read_text())
+    interrupts = re.search(r"IRQ_COUNT = (\d+)", (port / "irq.h").read_text())
     if interrupts is None:
-        raise BudgetError(f"{port / 'interrupts.h'}: no IRQ_COUNT")
+        raise BudgetError(f"{port / 'irq.h'}: no IRQ_COUNT")
     start, vectors_bytes = at["vectors"], 4 * (16 + int(interrupts[1]))
     by_address = {at[name] | 1: name for name in names if name in at}
     words: list[int] = []
@@ -154,12 +155,9 @@ def deepest(graph: dict[str, Function], taken: set[str], root: str) -> tuple[int
 
 def interrupt_priorities(port: Path) -> dict[int, list[str]]:
     """Handlers by priority, as the port's sources enable and name them."""
-    text = "".join(path.read_text() for path in sorted(port.glob("*.c")))
+    text = "".join(path.read_text() for folder in (BOTH, port) for path in sorted(folder.glob("*.[ch]")))
     handlers = dict(re.findall(r"\[(IRQ_\w+)\] = (\w+)", text))
-    numbers = {
-        name: int(value)
-        for name, value in re.findall(r"(PRIORITY_\w+) = (\d)", (port / "interrupts.h").read_text())
-    }
+    numbers = {name: int(value) for name, value in re.findall(r"(PRIORITY_\w+) = (\d)", text)}
     levels: dict[int, list[str]] = {}
     for irq, priority in re.findall(r"interrupt_enable\((IRQ_\w+), (PRIORITY_\w+)\)", text):
         levels.setdefault(numbers[priority], []).append(handlers[irq])

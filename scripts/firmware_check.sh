@@ -11,13 +11,13 @@ for tool in cppcheck clang-tidy arm-none-eabi-gcc; do
     }
 done
 
-# The port of a chip and what it takes from the first one's.
+# What both chips have, and the port of each.
+both=firmware/boards/stm32
 first=firmware/boards/stm32f446
 second=firmware/boards/stm32g474
-shared="$first/main.c $first/inputs.c $first/fault.c $first/loader.c $first/pin.c"
 ours="-Ifirmware/core -Ifirmware/generated"
-f446="$ours -I$first -Ifirmware/boards/nucleo_f446re_adxl355"
-g474="$ours -I$second -I$first -Ifirmware/boards/nucleo_g474re"
+f446="$ours -I$first -I$both -Ifirmware/boards/nucleo_f446re_adxl355"
+g474="$ours -I$second -I$both -Ifirmware/boards/nucleo_g474re"
 
 # shellcheck disable=SC2086 # a list of names without spaces
 check_port() { # SOURCES INCLUDES...
@@ -36,13 +36,13 @@ check_port() { # SOURCES INCLUDES...
 # shellcheck disable=SC2086 # lists of options without spaces
 {
     for board in nucleo_f446re custom_f446re; do
-        check_port "$first/*.c" $ours -I$first -Ifirmware/boards/$board
+        check_port "$first/*.c $both/*.c" $ours -I$first -I$both -Ifirmware/boards/$board
     done
-    check_port "$first/*.c" $f446
-    check_port "$second/*.c $shared" $g474
+    check_port "$first/*.c $both/*.c" $f446
+    check_port "$second/*.c $both/*.c" $g474
     misra="cppcheck --quiet --error-exitcode=1 --std=c11 --addon=misra --inline-suppr"
-    $misra --suppressions-list=firmware/misra-deviations.txt $f446 firmware/core "$first"
-    $misra --suppressions-list=firmware/misra-deviations.txt $g474 $second/*.c $shared
+    $misra --suppressions-list=firmware/misra-deviations.txt $f446 firmware/core "$first" "$both"
+    $misra --suppressions-list=firmware/misra-deviations.txt $g474 $second/*.c $both/*.c
 }
 
 # clang brings its own compiler headers; newlib's stdatomic.h needs stdint.h before it with clang. The libc's are where the cross compiler looks for them.
@@ -58,7 +58,6 @@ tidy() { # INCLUDES SOURCES...
         --target=arm-none-eabi -include stdint.h -mcpu=cortex-m4 -mthumb -std=c11 -Wall -Wextra $includes $libc \
         2>"$noise" || { cat "$noise" >&2; exit 1; }
 }
-tidy "$f446" firmware/core/*.c "$first"/*.c
-# shellcheck disable=SC2086 # a list of names without spaces
-tidy "$g474" "$second"/*.c $shared
+tidy "$f446" firmware/core/*.c "$first"/*.c "$both"/*.c
+tidy "$g474" "$second"/*.c "$both"/*.c
 echo "firmware_check: clean; $(grep -c '^misra' firmware/misra-deviations.txt) MISRA rules deviated from, each with its reason"

@@ -36,10 +36,23 @@ static const uint32_t table[256] = {
     0xB3667A2Eu, 0xC4614AB8u, 0x5D681B02u, 0x2A6F2B94u, 0xB40BBE37u, 0xC30C8EA1u, 0x5A05DF1Bu, 0x2D02EF8Du,
 };
 
+static uint32_t step(uint32_t crc) {
+    return (crc >> 8) ^ table[crc & UINT8_MAX];
+}
+
+/* Four bytes a turn: one load, which the compiler makes of these, and half the instructions per byte. */
+static uint32_t word(const uint8_t *bytes) {
+    return bytes[0] | ((uint32_t)bytes[1] << 8) | ((uint32_t)bytes[2] << 16) | ((uint32_t)bytes[3] << 24);
+}
+
 uint32_t impid_crc32(const uint8_t *bytes, size_t count) {
     uint32_t crc = UINT32_MAX;
-    for (size_t i = 0; i < count; i++) {
-        crc = (crc >> 8) ^ table[(crc ^ bytes[i]) & UINT8_MAX];
+    size_t i = 0;
+    for (; i + 4u <= count; i += 4u) {
+        crc = step(step(step(step(crc ^ word(&bytes[i])))));
+    }
+    for (; i < count; i++) {
+        crc = step(crc ^ bytes[i]);
     }
     return ~crc;
 }

@@ -16,7 +16,6 @@ What stands in `__all__` is public; the rest may change. Everything is loaded wh
 """
 
 from importlib import import_module
-from importlib.metadata import version
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -25,7 +24,8 @@ if TYPE_CHECKING:
     from impid_host.front import Study, check, diagnose, example_study, fit, read_study
     from impid_host.results import Diagnosed, Fitted
 
-__version__ = version("impid")
+    __version__: str
+
 __all__ = [
     "Checks",
     "Diagnosed",
@@ -55,6 +55,8 @@ def __getattr__(name: str) -> Any:
     """Import a public name when it is first asked for."""
     if name not in __all__:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}; there are {', '.join(__all__)}")
+    if name == "__version__":
+        return import_module("importlib.metadata").version("impid")
     return getattr(import_module(_FROM.get(name, "impid_host.front")), name)
 
 

@@ -10,13 +10,27 @@ from typing import Any
 
 
 class ImpidError(Exception):
-    """Base of every error that a user can act on; the command line prints it as one line."""
+    """Base of every error that a user can act on; the command line prints it as one line.
+
+    >>> import impid_host as impid
+    >>> try:
+    ...     impid.read_study("no/such/study")
+    ... except impid.ImpidError as error:
+    ...     print(type(error).__name__)
+    InputError
+    """
 
 
 class InputError(ImpidError):
     """A file that cannot be used as it is.
 
     `where` is the file as it was named, with the row.
+
+    >>> error = InputError("study/free_01/robot.csv", "t goes back", "sort the rows", row=1047)
+    >>> print(error)
+    study/free_01/robot.csv, row 1047: t goes back; sort the rows
+    >>> error.row, error.remedy
+    (1047, 'sort the rows')
 
     Args:
         path: the file.
@@ -58,4 +72,13 @@ class LinkError(ImpidError):
 
 
 class UndeterminedError(ImpidError):
-    """The data do not determine what was asked for; a number would be a guess."""
+    """The data do not determine what was asked for; a number would be a guess.
+
+    >>> from dataclasses import replace
+    >>> import impid_host as impid
+    >>> study = impid.example_study()
+    >>> replace(study, trials=study.of_kind("mass-spring")).fit()  # doctest: +ELLIPSIS
+    Traceback (most recent call last):
+    ...
+    impid_host.errors.UndeterminedError: study example: no free trial and no [prior] alpha in setup.toml, ...
+    """

@@ -9,14 +9,18 @@ from impid_host.errors import ImpidError
 # package -> the extra of pyproject.toml that brings it
 EXTRAS = {
     "aiohttp": "view",
+    "can": "can",
     "distributed": "batch",
     "fsspec": "batch",
     "h5py": "mat",
     "pandas": "pandas",
     "pinocchio": "urdf",
+    "pint": "import",
     "rosbags": "ros",
     "s3fs": "batch",
     "sshfs": "batch",
+    "simpleeval": "import",
+    "xarray": "xarray",
 }
 
 

@@ -39,6 +39,8 @@ class Study(_Study):
     names answer.
 
     >>> study = example_study()
+    >>> len(study.of_kind("free")), study.session_of(study.trials[2]).side
+    (2, 'right')
     >>> [trial.name for trial in study.trials]
     ['free_01', 'free_02', 'spring_01']
     >>> study.trials[0].robot.tau.shape  # N m, one column for each joint
@@ -71,6 +73,10 @@ holds setup.toml
     def fit(self, *, with_terms: tuple[str, ...] = (), validate_s: float = 10.0) -> Fitted:
         """Identify the robot, then every load, with 95 % intervals ([D] Sec. III).
 
+        >>> fitted = example_study().fit(with_terms=("friction.coulomb",))
+        >>> fitted.robot["Fc1"]["unit"]
+        'N*m'
+
         Args:
             with_terms: optional terms of the robot model by name, as `fit --with`.
             validate_s: seconds at the end of each trial that are held out (a fifth of it at most).
@@ -80,11 +86,14 @@ holds setup.toml
         """
         chain = default_chain(self)
         options = Options(chain=chain, terms=with_terms, split=Split(validate_s))
-        result, twice, checks = fitted(self, options, check_study(self))
-        return Fitted(self, result, checks, twice, chain)
+        first = fitted(self, options, check_study(self))
+        return Fitted(self, first.fit, first.checks, first.agreement, chain, first.pushes)
 
     def diagnose(self, *, cutoff_hz: float | None = None) -> Diagnosed:
         """Find what the first model lacks, add it, judge it on data that took no part. Takes a minute or so.
+
+        >>> example_study().diagnose().effects
+        []
 
         Args:
             cutoff_hz: of the band in which errors are told; None: by the motion, as `fit`.
@@ -96,7 +105,12 @@ holds setup.toml
         return Diagnosed(self, answer, beside_diagnosis(self, answer, check_study(self)))
 
     def force(self, trial: str) -> "pd.DataFrame":
-        """Force of the load on the robot along one trial: `Fitted.force` of a fit made anew."""
+        """Force of the load on the robot along one trial: `Fitted.force` of a fit made anew.
+
+        >>> force = example_study().force("spring_01")  # N in the base frame, against s
+        >>> force.index.name, force.columns.tolist()
+        ('t', ['Fx', 'Fx_sd', 'Fy', 'Fy_sd'])
+        """
         return self.fit().force(trial)
 
     def report(self, out: str | Path, *, diagnosed: bool = True, figures: str | Path | None = None) -> Path:
@@ -125,7 +139,11 @@ holds setup.toml
         return place
 
     def to_pandas(self) -> "pd.DataFrame":
-        """One row per trial: name, kind, load, seconds, rows, samples, subject, side, date, posture."""
+        """One row per trial: name, kind, load, seconds, rows, samples, subject, side, date, posture.
+
+        >>> example_study().to_pandas().loc[2, ["trial", "kind", "load"]].tolist()
+        ['spring_01', 'mass-spring', 'spring']
+        """
         return frame(
             {
                 "trial": trial.name,
@@ -167,6 +185,12 @@ def example_study() -> Study:
 def read_study(path: str | Path) -> Study:
     """`Study.load`: read a study folder (docs/study-format.md).
 
+    >>> import tempfile
+    >>> from impid_host.study.folder import write_study
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     read_study(write_study(example_study(), Path(folder) / "example")).name
+    'example'
+
     Raises:
         InputError: the folder or a file of it cannot be read; names file, row or key, and the remedy.
     """
@@ -200,6 +224,9 @@ def fit(study: _Study | str | Path, *, with_terms: tuple[str, ...] = (), validat
 
 def diagnose(study: _Study | str | Path, *, cutoff_hz: float | None = None) -> Diagnosed:
     """`Study.diagnose` of a study or of the folder at a path.
+
+    >>> diagnose(example_study()).verdict.startswith("nothing is missing")
+    True
 
     Raises:
         InputError: as `read_study`.

@@ -2,10 +2,12 @@
 
 import html
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
+from impid_host.arrays_out import diagnosis_dataset, fit_dataset
 from impid_host.checks import Agreement, Checks
+from impid_host.checks.pushes import Pushes
 from impid_host.diagnosis.result import Diagnosis
 from impid_host.diagnosis.verdict import beside_checks
 from impid_host.errors import InputError
@@ -15,6 +17,7 @@ from impid_host.impedance.force import force_series
 from impid_host.impedance.identify import RobotFit
 from impid_host.report.diagnosis_json import diagnosis_json
 from impid_host.report.fit_json import fit_json
+from impid_host.report.fit_parts import Besides
 from impid_host.report.page.findings import Findings
 from impid_host.report.sessions_json import sessions_json
 from impid_host.signals.chain import Chain
@@ -22,6 +25,7 @@ from impid_host.study.model import Study
 
 if TYPE_CHECKING:
     import pandas as pd
+    import xarray as xr
 
 Json = dict[str, Any]
 _ROW = ("where", "parameter", "value", "low", "high", "unit")
@@ -39,10 +43,17 @@ class Fitted:
     'kg*m^2'
     >>> print(fitted.summary().splitlines()[0])  # doctest: +ELLIPSIS
     robot/parameters alpha1: 0.06... ± ... kg*m^2
+    >>> fitted.trusted, fitted.loads["spring"]["model"]
+    (True, 'mass-spring')
+    >>> fitted.to_dict()["format"]
+    'impid-fit/1'
+    >>> fitted.pushes.found  # nobody pushed
+    ()
 
     Attributes:
         result: the estimates, with their covariances; checks: what to make of them;
-        agreement: what was measured twice; chain: the signal chain.
+        agreement: what was measured twice; chain: the signal chain;
+        pushes: stretches unlike the rest of their trial, and the fit without them.
     """
 
     study: Study
@@ -50,6 +61,7 @@ class Fitted:
     checks: Checks
     agreement: Agreement
     chain: Chain
+    pushes: Pushes = field(default_factory=Pushes)
 
     @property
     def trusted(self) -> bool:
@@ -108,7 +120,8 @@ class Fitted:
 
     def to_dict(self) -> Json:
         """What `impid-host fit --json` writes, format impid-fit/1."""
-        document = fit_json(self.result, checks=self.checks, measured_twice=self.agreement)
+        besides = Besides(self.pushes, self.agreement)
+        document = fit_json(self.result, besides, checks=self.checks)
         return document | sessions_json(self.study)
 
     def summary(self) -> str:
@@ -125,10 +138,31 @@ class Fitted:
         """
         return frame(_rows(self.to_dict()), _ROW)
 
+    def to_xarray(self) -> "xr.Dataset":
+        """M, B, K by load, sensor, row and column, x0 and the robot's alpha, with `_low` and `_high` (95 %).
+
+        `sensor` is "virtual" (Method 1) or "physical" (Method 2); `row` and `column` the base frame's axes;
+        a variable's unit is its attribute `units`; NaN where a load has no such number.
+
+        >>> from impid_host import example_study
+        >>> data = example_study().fit().to_xarray()
+        >>> data.K.dims, data.K.units
+        (('load', 'sensor', 'row', 'column'), 'N/m')
+        >>> round(float(data.K.sel(load="spring", sensor="virtual", row="x", column="x")))
+        420
+
+        Raises:
+            ImportError: xarray is not installed; names the extra that brings it.
+        """
+        return fit_dataset(self.to_dict())
+
     def _repr_html_(self) -> str:
         from impid_host.report.page.tables import fit_tables  # noqa: PLC0415
 
-        found = Findings(self.study, self.checks, self.checks, self.agreement, self.result, None, "")
+        checks = self.checks
+        found = Findings(
+            self.study, checks, checks, self.agreement, self.result, None, "", pushes=self.pushes
+        )
         return _html("", self.checks, fit_tables(found))
 
 
@@ -140,8 +174,19 @@ class Diagnosed:
     >>> diagnosed = example_study().diagnose()
     >>> diagnosed.verdict.startswith("nothing is missing")
     True
-    >>> diagnosed.effects
-    []
+    >>> diagnosed.effects, diagnosed.trusted
+    ([], True)
+    >>> print(diagnosed.summary().splitlines()[1])  # doctest: +ELLIPSIS
+    alpha[0]: 0.06... ± ...
+    >>> diagnosed.to_dict()["format"]
+    'impid-diagnosis/1'
+    >>> diagnosed.to_pandas().stage.unique().tolist()
+    [0]
+    >>> data = diagnosed.to_xarray()
+    >>> data.K.dims, data.stage.values.tolist()
+    (('stage', 'load', 'row', 'column'), ['first model'])
+    >>> bool(data.validation_rms.sel(channel="tau1")[0] < 0.01)  # N*m
+    True
 
     Attributes:
         result: stages, what is left, ties, residuals; checks: what to make of them.
@@ -183,6 +228,17 @@ class Diagnosed:
             for row in _rows(stage["parameters"])
         ]
         return frame(rows, ("stage", *_ROW))
+
+    def to_xarray(self) -> "xr.Dataset":
+        """M, B, K and x0 by stage and load, as `Fitted.to_xarray`, alpha by stage, and errors by channel.
+
+        `validation_rms` (stage, channel) is the error on data that took no part, N*m for tau and N for f and
+        fs, beside `noise_floor` (channel); the coordinate `stage` names what each stage added.
+
+        Raises:
+            ImportError: xarray is not installed; names the extra that brings it.
+        """
+        return diagnosis_dataset(self.to_dict())
 
     def _repr_html_(self) -> str:
         from impid_host.report.page.tables import diagnosis_tables, effects  # noqa: PLC0415

@@ -20,7 +20,7 @@ from impid_host.impedance.rows import Split
 from impid_host.robot.planar_2r_absolute import Planar2RAbsolute
 from impid_host.robot.terms import RobotStructure
 from impid_host.signals.align import AccelerationSource, AlignedTrial, joint_acceleration
-from impid_host.signals.chain import PUBLISHED, PUBLISHED_CUTOFF_HZ, Chain, erode
+from impid_host.signals.chain import DEFAULT, PUBLISHED, PUBLISHED_CUTOFF_HZ, Chain, erode
 from impid_host.signals.filters import ZeroPhaseLowPass, central_difference
 from matplotlib.figure import Figure
 
@@ -71,6 +71,8 @@ class Condition:
         counts_per_rev: of both encoders; 0 reads angles exactly.
         jitter_s: rms by which an encoder is read early or late, unknown to the stamps.
         capstan_Nm_rad: stiffness between motor, where the encoders are, and link; 0 is rigid.
+        chain: by its name in `CHAINS`; cutoff_Hz: of the default chain, in its place, where it is not 0.
+        band_Hz: highest frequency of the motion.
     """
 
     name: str
@@ -78,6 +80,13 @@ class Condition:
     jitter_s: float = 0.0
     capstan_Nm_rad: float = 0.0
     chain: str = "published"
+    cutoff_Hz: float = 0.0
+    rate_Hz: float = RATE_HZ
+    band_Hz: float = 2.0
+
+    def signal_chain(self) -> Chain:
+        """What signals go through."""
+        return DEFAULT.with_cutoff(self.cutoff_Hz) if self.cutoff_Hz else CHAINS[self.chain]
 
 
 COUNTS = (800_000, 400_000, 40_000, 10_000, 4_000, 2_000, 1_000, 500, 250)
@@ -102,12 +111,28 @@ def resonance_hz(capstan_Nm_rad: float) -> float:
     return float(np.sqrt(capstan_Nm_rad / np.linalg.eigvalsh(inertia + J.T @ J)[-1]) / (2 * np.pi))
 
 
+@dataclass(frozen=True)
+class Record:
+    """One trial as recorded: angles read, specific force along the sensor's axes, torques, (N, 2) each."""
+
+    t: np.ndarray
+    read: np.ndarray
+    felt: np.ndarray
+    tau: np.ndarray
+    free: bool
+
+
 def trial(
     rng: np.random.Generator, condition: Condition, source: AccelerationSource, load: Sequence[float] | None
 ) -> AlignedTrial:
     """One recorded trial, 40 deg free or 10 deg loaded, through the condition's chain."""
-    t = np.arange(int(RATE_HZ * DURATION_S)) / RATE_HZ
-    w, phase = 2 * np.pi * rng.uniform(0.05, 2.0, (2, 10)), rng.uniform(0, 2 * np.pi, (2, 10))
+    return prepared(recorded(rng, condition, load), source, condition)
+
+
+def recorded(rng: np.random.Generator, condition: Condition, load: Sequence[float] | None) -> Record:
+    """What the condition leaves of one trial, 40 deg free or 10 deg loaded."""
+    t = np.arange(int(condition.rate_Hz * DURATION_S)) / condition.rate_Hz
+    w, phase = 2 * np.pi * rng.uniform(0.05, condition.band_Hz, (2, 10)), rng.uniform(0, 2 * np.pi, (2, 10))
     angle = t[:, None, None] * w + phase
     sine, cosine = np.sin(angle), np.cos(angle)
     gain = np.deg2rad(40.0 if load is None else 10.0) / np.ptp(sine.sum(axis=2), axis=0)
@@ -127,9 +152,7 @@ def trial(
     if condition.counts_per_rev:
         step = 2 * np.pi / condition.counts_per_rev
         read = np.floor(read / step) * step
-    return _prepared(
-        t, read, felt, tau + rng.normal(0, TORQUE_NM, tau.shape), source, condition, load is None
-    )
+    return Record(t, read, felt, tau + rng.normal(0, TORQUE_NM, tau.shape), load is None)
 
 
 def _turned(values: np.ndarray, angle: np.ndarray) -> np.ndarray:
@@ -138,40 +161,35 @@ def _turned(values: np.ndarray, angle: np.ndarray) -> np.ndarray:
     return np.stack([c * values[:, 0] - s * values[:, 1], s * values[:, 0] + c * values[:, 1]], axis=1)
 
 
-def _prepared(
-    t: np.ndarray,
-    read: np.ndarray,
-    felt: np.ndarray,
-    tau: np.ndarray,
-    source: AccelerationSource,
-    condition: Condition,
-    free: bool,
-) -> AlignedTrial:
-    chain = CHAINS[condition.chain]
-    theta, omega = chain.value(read, RATE_HZ), chain.derivative(read, RATE_HZ)
+def prepared(record: Record, source: AccelerationSource, condition: Condition) -> AlignedTrial:
+    """A record through the condition's chain."""
+    t, read, felt, tau, free = record.t, record.read, record.felt, record.tau, record.free
+    chain = condition.signal_chain()
+    rate_hz = condition.rate_Hz
+    theta, omega = chain.value(read, rate_hz), chain.derivative(read, rate_hz)
     J, J_rate = ROBOT.jacobian(theta), ROBOT.jacobian_rate(theta, omega)
     if source == "accelerometer":
-        a = _turned(chain.value(felt, RATE_HZ), theta[:, 1])
+        a = _turned(chain.value(felt, rate_hz), theta[:, 1])
         theta_dd = joint_acceleration(a, J, J_rate, omega)
     else:
-        theta_dd = chain.second_derivative(read, RATE_HZ)
+        theta_dd = chain.second_derivative(read, rate_hz)
         a = np.einsum("nij,nj->ni", J, theta_dd) + np.einsum("nij,nj->ni", J_rate, omega)
     return AlignedTrial(
         name="free" if free else "spring",
         kind="free" if free else "mass-spring",
         load="free" if free else "spring",
         t=t,
-        rate_hz=RATE_HZ,
+        rate_hz=rate_hz,
         theta=theta,
         omega=omega,
         theta_dd=theta_dd,
-        tau=chain.torque(tau, RATE_HZ),
+        tau=chain.torque(tau, rate_hz),
         force=None,
         perturbation=None,
         x=ROBOT.position(theta),
         v=np.einsum("nij,nj->ni", J, omega),
         a=a,
-        valid=erode(np.ones(len(t), dtype=bool), int(chain.edge_s * RATE_HZ)),
+        valid=erode(np.ones(len(t), dtype=bool), int(chain.edge_s * rate_hz)),
         source=source,
         clock=None,
     )
@@ -180,7 +198,7 @@ def _prepared(
 def examine(condition: Condition, source: AccelerationSource, seed: int = 2) -> dict[str, float]:
     """Largest errors of Method 1 over the loads, %, and its lowest VAF, %; both sources see the same motions."""
     rng = np.random.default_rng(seed)
-    chain, split = CHAINS[condition.chain], Split()
+    chain, split = condition.signal_chain(), Split()
     free = [trial(rng, condition, source, None) for _ in range(3)]
     robot = identify_robot(free, STRUCTURE, chain, split).parameters
     errors, vaf = [], []

@@ -125,7 +125,7 @@ def program(tmp_path_factory: pytest.TempPathFactory) -> Path:
         FIRMWARE / "boards/stm32g474/flash.c",
         *(FIRMWARE / "core" / f"impid_{name}.c" for name in ("settings", "update", "crc32")),
     ]
-    folders = ["boards/stm32g474", "boards/stm32f446", "core", "generated"]
+    folders = ["boards/stm32g474", "boards/stm32", "core", "generated"]
     out = folder / "program.elf"
     subprocess.run(
         ["arm-none-eabi-gcc", "-mcpu=cortex-m4", "-mthumb", "-std=c11", "-O2", "-Wall", "-Wextra", "-Werror",

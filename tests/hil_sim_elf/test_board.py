@@ -5,7 +5,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from busy import busiest_share
 from feed import readings
+from unicorn import UC_HOOK_EDGE_GENERATED
 
 from hil_sim.board import layout
 from hil_sim.board.elf.board import ElfBoard
@@ -239,6 +241,7 @@ def test_worst_tick_is_under_a_quarter_of_its_period(firmware: Path) -> None:
     assert 0 < budget.worst_handler_share < 0.25
     assert budget.worst_share < 0.25, str(budget)
     assert np.median(budget.whole) > np.median(budget.handler) > 100
+    assert 0.1 < busiest_share(lambda: ElfBoard(firmware), readings) < 0.25
 
 
 @pytest.mark.parametrize("content", [None, b"not an ELF file", b"\x7fELF\x02\x01\x01" + bytes(57)])
@@ -248,6 +251,18 @@ def test_what_is_no_firmware_is_one_line(tmp_path: Path, content: bytes | None) 
         path.write_bytes(content)
     with pytest.raises(SimError, match=r"program\.elf: .*make firmware"):
         ElfBoard(path)
+
+
+def test_code_is_translated_once(firmware: Path) -> None:
+    """What streams has been translated after a second; doing it again takes most of the emulator's time."""
+    board = ElfBoard(firmware)
+    board.serial_receive(command(1, "START"), board.now_us)
+    board.run(*readings(1000, 4))
+    translated = []
+    board.soc.cpu._uc.hook_add(UC_HOOK_EDGE_GENERATED, lambda _uc, block, *_: translated.append(block.pc))
+    board.run(*readings(500, 4, 1000))
+    assert len(samples(FrameReader().feed(board.serial_take())).seq) > 1400
+    assert len(translated) < 50
 
 
 def test_samples_helper_is_not_fooled_by_an_idle_board(firmware: Path) -> None:

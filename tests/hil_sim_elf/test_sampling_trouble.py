@@ -79,7 +79,7 @@ def test_what_cannot_be_in_the_core_is_recorded_with_its_place(firmware: Path) -
 def test_a_spike_on_an_encoder_line_at_the_latch_does_not_count(
     firmware: Path, pulse_ns: float, counts: int
 ) -> None:
-    """sampling.h: pulses below 89 ns are ignored; 250 ns are a count of a fast encoder."""
+    """sampling.c: pulses below 89 ns are ignored; 250 ns are a count of a fast encoder."""
     board = ElfBoard(firmware)
     board.serial_receive(command(1, "START"), board.now_us)
     rest(board, 40)

@@ -35,7 +35,24 @@ BATCH = (
     "from impid_host.cli import main\n"
     "sys.argv = ['impid-host', 'batch', '{studies}', '--out', 'results-of-nothing', *{more}]\nmain()"
 )
-OPTIONAL = (*OF_THE_SIMULATOR, "h5py", "aiohttp", "pandas", "pinocchio", "rosbags", "msgpack", *OF_THE_BATCH)
+OPTIONAL = (
+    *OF_THE_SIMULATOR,
+    *OF_THE_BATCH,
+    *(
+        "aiohttp",
+        "can",
+        "cantools",
+        "h5py",
+        "msgpack",
+        "pandas",
+        "pinocchio",
+        "pint",
+        "rosbags",
+        "simpleeval",
+    ),
+)
+# What drives an optional library by design.
+DRIVERS = {"impid_host.view.server", "impid_host.link.can_bus", "impid_host.recording.export.can_log"}
 
 
 def command(code: str, missing: tuple[str, ...] = (), posix: tuple[str, ...] = ()) -> list[str]:
@@ -71,15 +88,13 @@ def test_there_is_no_link_in_the_tree() -> None:
     assert [line for line in entries if line.startswith("120000")] == []
 
 
-def test_readers_of_the_dbc_have_the_one_of_the_protocol() -> None:
+def test_the_simulator_reads_the_dbc_of_the_protocol() -> None:
     one = (ROOT / "protocol" / "impid.dbc").read_bytes()
-    for copy in ("host/impid_host/wire/impid.dbc", "hil_sim/board/impid.dbc"):
-        assert (ROOT / copy).read_bytes() == one, f"{copy}: run scripts/generate_protocol.py"
+    assert (ROOT / "hil_sim/board/impid.dbc").read_bytes() == one, "run scripts/generate_protocol.py"
 
 
 def test_every_module_of_the_host_imports_without_extras_and_on_windows() -> None:
-    """All but what drives an optional library by design."""
-    wanted = [name for name in modules("host", "impid_host") if name != "impid_host.view.server"]
+    wanted = [name for name in modules("host", "impid_host") if name not in DRIVERS]
     code = f"import os, importlib\nfor n in {wanted}: importlib.import_module(n)\nprint(len({wanted}))"
     done = python(code, OPTIONAL, POSIX_ONLY)
     assert done.returncode == 0, done.stderr[-2000:]

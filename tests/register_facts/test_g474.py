@@ -78,6 +78,8 @@ SPELLED = {
     "TIM_CCMR1_IC2F(0)": "TIM2.ccmr_input[0].icf[1]=NO_FILTER",
     "TIM_CCMR1_IC2F(1)": "TIM2.ccmr_input[0].icf[1]=FCK_INT_N2",
     "TIM_CCMR2_CC3S_TRC": "TIM2.ccmr_input[1].ccs[0]=TRC",
+    "TIM_CCMR1_OC1M_TOGGLE": "TIM2.ccmr_output[0].ocm[0]=TOGGLE",
+    "TIM_CCMR1_OC1M_FORCE_LOW": "TIM2.ccmr_output[0].ocm[0]=FORCE_INACTIVE",
     "TIM_CCER_CC1E": "TIM2.ccer.cce[0]=1",
     "TIM_CCER_CC3E": "TIM2.ccer.cce[2]=1",
     "IWDG_KR_UNLOCK": "IWDG.kr.key=ENABLE",
@@ -132,6 +134,7 @@ SIGNALS = {
     "ENCODER_1_A": ("TIM2", "CH1"), "ENCODER_1_B": ("TIM2", "CH2"), "ENCODER_2_A": ("TIM5", "CH1"),
     "ENCODER_2_B": ("TIM5", "CH2"), "SYNC": ("TIM4", "CH1"), "SERIAL_TX": ("USART2", "TX"),
     "SERIAL_RX": ("USART2", "RX"), "CAN_TX": ("FDCAN1", "TX"), "CAN_RX": ("FDCAN1", "RX"),
+    "EDGE": ("TIM3", "CH1"),
 }  # fmt: skip
 SOURCES = HEADER.sources()
 BOARD = (HEADER.port.parent / "nucleo_g474re" / "board.h").read_text(encoding="utf-8")
@@ -209,12 +212,12 @@ def test_the_layout_of_the_message_memory() -> None:
 
 
 def test_every_interrupt_has_its_number() -> None:
-    numbers = {n: int(v) for n, v in re.findall(r"IRQ_(\w+) = (\d+)", SOURCES["interrupts.h"])}
+    numbers = {n: int(v) for n, v in re.findall(r"IRQ_(\w+) = (\d+)", SOURCES["irq.h"])}
     described = CHIP.description("INTERRUPTS")
     assert numbers.pop("COUNT") == max(described.values()) + 1
     assert len(numbers) == 6
     assert numbers == {name: described[name] for name in numbers}
-    table = re.findall(r"\[(?:IRQ_(\w+)|(\d+) \.\.\. (\d+))\] = (\w+)", SOURCES["startup.c"])
+    table = re.findall(r"\[(?:IRQ_(\w+)|(\d+) \.\.\. (\d+))\] = (\w+)", SOURCES["vectors.c"])
     named = {name for name, _, _, _ in table if name}
     assert named == set(numbers)
     spans = [(int(first), int(last)) for name, first, last, _ in table if not name and int(last) > 8]
@@ -244,11 +247,11 @@ def test_the_accelerometer_is_on_the_channel_of_its_pin(axis: str, converter: st
 @pytest.mark.parametrize(
     ("source", "name", "peripheral", "signal"),
     [
-        ("sampling.c", "ADC1", "ADC1", "ADC1"),
-        ("sampling.c", "TIM2_C3", "TIM2", "CH3"),
-        ("sampling.c", "TIM5_C3", "TIM5", "CH3"),
-        ("serial.c", "RX", "USART2", "RX"),
-        ("serial.c", "TX", "USART2", "TX"),
+        ("converters.c", "ADC1", "ADC1", "ADC1"),
+        ("converters.c", "TIM2_C3", "TIM2", "CH3"),
+        ("converters.c", "TIM5_C3", "TIM5", "CH3"),
+        ("serial_line.h", "RX", "USART2", "RX"),
+        ("serial_line.h", "TX", "USART2", "TX"),
     ],
 )
 def test_every_request_has_its_number(source: str, name: str, peripheral: str, signal: str) -> None:
@@ -300,3 +303,21 @@ def test_the_pins_of_the_table_are_those_of_the_package_and_the_dac_is_not_5_v_t
     tolerant = {row["pin"] for row in rows if row["structure"].startswith("FT")}
     assert outputs
     assert not outputs & tolerant
+
+
+def test_a_pin_that_stands_3_v_only_is_an_analogue_one() -> None:
+    """No package says which pin stands 5 V: this is what the description can say about that column.
+
+    PA8 is the one output of an amplifier that the data sheet has as 5 V tolerant.
+    """
+    text = (HEADER.port / "io_structure.csv").read_text(encoding="utf-8")
+    rows = list(csv.DictReader(line for line in text.splitlines() if not line.startswith("#")))
+    analogue: dict[str, set[str]] = {}
+    for name, entry in CHIP.description("PERIPHERALS").items():
+        for row in entry["pins"]:
+            if row["af"] is None:
+                analogue.setdefault(row["pin"], set()).add(re.sub(r"\d+$", "", name))
+    low = {row["pin"] for row in rows if row["structure"] == "TT"}
+    assert all(analogue.get(pin, set()) & {"ADC", "COMP", "DAC", "OPAMP"} for pin in low)
+    amplifiers = {pin for pin, names in analogue.items() if "OPAMP" in names}
+    assert amplifiers - low == {"PA8"}

@@ -45,7 +45,7 @@ def alternate_functions() -> dict[str, int]:
 
 
 def test_every_interrupt_has_its_number() -> None:
-    numbers = dict(re.findall(r"IRQ_(\w+) = (\d+)", SOURCES["interrupts.h"]))
+    numbers = dict(re.findall(r"IRQ_(\w+) = (\d+)", SOURCES["irq.h"]))
     told = {name: int(number) for name, number in numbers.items()}
     described = chip.description("INTERRUPTS")
     assert told.pop("COUNT") == max(described.values()) + 1
@@ -81,13 +81,13 @@ def requests(peripheral: str, signal: str) -> set[tuple[str, int]]:
 
 def test_every_stream_serves_the_request_that_its_channel_selects() -> None:
     started = re.findall(
-        r"start_stream\(&(DMA\d)->S\[(\d)\], (\d)u, &(\w+)->(?:CDR|CCR(\d))", SOURCES["sampling.c"]
+        r"start_stream\(&(DMA\d)->S\[(\d)\], (\d)u, &(\w+)->(?:CDR|CCR(\d))", SOURCES["converters.c"]
     )
     assert len(started) == 3
     for controller, stream, channel, source, capture in started:
         peripheral, signal = (source, f"CH{capture}") if capture else ("ADC1", "ADC1")
         assert (f"{controller}_CH{stream}", int(channel)) in requests(peripheral, signal), source
-    serial = SOURCES["serial.c"]
+    serial = SOURCES["serial_line.h"]
     channel = re.search(r"CHANNEL_USART2 (\d)u", serial)
     assert channel is not None
     for name, signal in (("reception", "RX"), ("transmission", "TX")):

@@ -34,5 +34,6 @@
 #define BOARD_CAN_RX    PIN(GPIOA, 11) /* CN10-14, FDCAN1 */
 #define BOARD_CAN_TX    PIN(GPIOA, 12) /* CN10-12, FDCAN1 */
 #define BOARD_LED       PIN(GPIOA, 5)  /* LD2 */
+#define BOARD_EDGE      PIN(GPIOA, 6)  /* D12, TIM3_CH1: where the bench test's wire begins */
 
 #endif

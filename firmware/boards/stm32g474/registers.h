@@ -162,28 +162,30 @@ typedef struct {
 typedef struct {
     reg_t CR1, CR2, SMCR, DIER, SR, EGR, CCMR1, CCMR2, CCER, CNT, PSC, ARR, reserved1, CCR1, CCR2, CCR3, CCR4;
 } tim_regs_t;
-#define TIM2                    ((tim_regs_t *)0x40000000u)
-#define TIM3                    ((tim_regs_t *)0x40000400u)
-#define TIM4                    ((tim_regs_t *)0x40000800u)
-#define TIM5                    ((tim_regs_t *)0x40000C00u)
-#define TIM15                   ((tim_regs_t *)0x40014000u)
-#define TIM_CR1_CEN             (1u << 0)
-#define TIM_CR2_MMS_UPDATE      (2u << 4)
-#define TIM_SMCR_SMS_ENCODER    3u /* counts on both edges of TI1 and TI2 */
-#define TIM_SMCR_SMS_TRIGGER    6u
-#define TIM_SMCR_SMS_EXTERNAL_1 7u
-#define TIM_SMCR_TS_ITR(n)      ((uint32_t)(n) << 4)
-#define TIM_DIER_CC3DE          (1u << 11)
-#define TIM_SR_CC1IF            (1u << 1)
-#define TIM_SR_CC1OF            (1u << 9)
-#define TIM_EGR_UG              (1u << 0)
-#define TIM_CCMR1_CC1S_TI1      (1u << 0)
-#define TIM_CCMR1_IC1F(n)       ((uint32_t)(n) << 4)
-#define TIM_CCMR1_CC2S_TI2      (1u << 8)
-#define TIM_CCMR1_IC2F(n)       ((uint32_t)(n) << 12)
-#define TIM_CCMR2_CC3S_TRC      3u
-#define TIM_CCER_CC1E           (1u << 0)
-#define TIM_CCER_CC3E           (1u << 8)
+#define TIM2                     ((tim_regs_t *)0x40000000u)
+#define TIM3                     ((tim_regs_t *)0x40000400u)
+#define TIM4                     ((tim_regs_t *)0x40000800u)
+#define TIM5                     ((tim_regs_t *)0x40000C00u)
+#define TIM15                    ((tim_regs_t *)0x40014000u)
+#define TIM_CR1_CEN              (1u << 0)
+#define TIM_CR2_MMS_UPDATE       (2u << 4)
+#define TIM_SMCR_SMS_ENCODER     3u /* counts on both edges of TI1 and TI2 */
+#define TIM_SMCR_SMS_TRIGGER     6u
+#define TIM_SMCR_SMS_EXTERNAL_1  7u
+#define TIM_SMCR_TS_ITR(n)       ((uint32_t)(n) << 4)
+#define TIM_DIER_CC3DE           (1u << 11)
+#define TIM_SR_CC1IF             (1u << 1)
+#define TIM_SR_CC1OF             (1u << 9)
+#define TIM_EGR_UG               (1u << 0)
+#define TIM_CCMR1_CC1S_TI1       (1u << 0)
+#define TIM_CCMR1_IC1F(n)        ((uint32_t)(n) << 4)
+#define TIM_CCMR1_CC2S_TI2       (1u << 8)
+#define TIM_CCMR1_IC2F(n)        ((uint32_t)(n) << 12)
+#define TIM_CCMR1_OC1M_TOGGLE    (3u << 4)
+#define TIM_CCMR1_OC1M_FORCE_LOW (4u << 4)
+#define TIM_CCMR2_CC3S_TRC       3u
+#define TIM_CCER_CC1E            (1u << 0)
+#define TIM_CCER_CC3E            (1u << 8)
 
 /* --- Independent watchdog ---------------------------------------------------------------------------- */
 typedef struct {

@@ -1,26 +1,13 @@
-/* The CAN controller and the bus it sits on (chapter 30): frames pass whole; modes and configuration are
- * can.py's.
+/* The CAN controller and the bus it sits on (chapter 30): frames pass whole; what the processor sees of it is
+ * in can_registers.c, modes and configuration are can.py's.
  *
  * A frame takes as long as the most stuff bits allow. Whether it is acknowledged, or damaged so that error
  * counters move as ISO 11898-1 says, is decided by the bus that a test sets up.
  */
-#include "chip.h"
+#include "can_bits.h"
 
-#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-
-enum { MCR = 0, MSR = 1, TSR = 2, RF0R = 3, IER = 5, ESR = 6, BTR = 7 };
-enum { FMR = 0x200 / 4, FM1R = 0x204 / 4, FS1R = 0x20C / 4, FFA1R = 0x214 / 4, FA1R = 0x21C / 4 };
-enum { TXFP = 1 << 2, RFLM = 1 << 3, NART = 1 << 4, ABOM = 1 << 6 };
-enum { LBKM = 1 << 30 };
-enum { INAK = 1, SLAK = 2, ERRI = 1 << 2 };
-enum { TMEIE = 1, FMPIE0 = 1 << 1, FFIE0 = 1 << 2, FOVIE0 = 1 << 3 };
-enum { EWGIE = 1 << 8, EPVIE = 1 << 9, BOFIE = 1 << 10, LECIE = 1 << 11, ERRIE = 1 << 15 };
-enum { EWGF = 1, EPVF = 2, BOFF = 4, TXRQ = 1, RTR = 2, IDE = 4 };
-enum { LEC_ACK = 3, LEC_BIT_RECESSIVE = 4, WARNING = 96, PASSIVE = 128, BUS_OFF = 256 };
-enum { MAILBOXES = 3, FIFO_DEPTH = 3, BANKS = 28, IRQ_TX = 19, IRQ_SCE = 22 };
-enum { TRANSMIT_AT = 0x180, RECEIVE_AT = 0x1B0, FILTERS_AT = 0x240 };
 
 /* --- queues of frames ---------------------------------------------------------------------------- */
 
@@ -151,7 +138,7 @@ static int32_t next_mailbox(const can *n) {
     return best;
 }
 
-static void release(can *n, uint32_t box, uint32_t status) {
+void can_release(can *n, uint32_t box, uint32_t status) {
     n->words[box][0] &= ~(uint32_t)TXRQ;
     n->reg[TSR] = (n->reg[TSR] & ~(0xFFu << 8 * box)) | status << 8 * box;
 }
@@ -159,7 +146,7 @@ static void release(can *n, uint32_t box, uint32_t status) {
 static void failed(can *n, uint32_t box, uint32_t lec, int32_t penalty) {
     n->tec += penalty;
     if ((n->reg[MCR] & NART) != 0) {
-        release(n, box, 0x9u); /* RQCP, TERR */
+        can_release(n, box, 0x9u); /* RQCP, TERR */
     }
     can_counters_changed(n, lec);
 }
@@ -170,7 +157,7 @@ static void transmitted(can *n, uint32_t box) {
         if (!silent(n)) {
             push(&n->sent, frame);
         }
-        release(n, box, 0x3u); /* RQCP, TXOK: an acknowledge is not looked for (30.5.2) */
+        can_release(n, box, 0x3u); /* RQCP, TXOK: an acknowledge is not looked for (30.5.2) */
         can_counters_changed(n, 0);
         accept(n, frame);
     } else if (!chip_route(n->bank.chip, n->tx_signal)) {
@@ -184,7 +171,7 @@ static void transmitted(can *n, uint32_t box) {
     } else {
         push(&n->sent, frame_in(n, box));
         n->tec = n->tec > 0 ? n->tec - 1 : 0;
-        release(n, box, 0x3u); /* RQCP, TXOK */
+        can_release(n, box, 0x3u); /* RQCP, TXOK */
         can_counters_changed(n, 0);
     }
 }
@@ -285,133 +272,4 @@ void can_receive(can *n, uint32_t identifier, const uint8_t *data, uint32_t leng
     memcpy(frame.data, data, length);
     push(&n->waiting, frame);
     can_arbitrate(n);
-}
-
-/* --- registers ----------------------------------------------------------------------------------- */
-
-/* TME by mailbox, CODE of the next free one, LOW flags not modelled (read as 0). */
-uint32_t can_read_tsr(const can *n) {
-    uint32_t value = n->reg[TSR] & 0x000F0F0Fu;
-    int32_t free_box = -1;
-    uint32_t last = 0;
-    for (uint32_t box = 0; box < MAILBOXES; ++box) {
-        if ((n->words[box][0] & TXRQ) == 0) {
-            value |= 1u << (26 + box);
-            free_box = free_box < 0 ? (int32_t)box : free_box;
-        }
-        last = n->words[box][0] >> 21 >= n->words[last][0] >> 21 ? box : last;
-    }
-    return value | (free_box >= 0 ? (uint32_t)free_box : last) << 24;
-}
-
-/* Writing a one to RQCP clears the mailbox's result flags; ABRQ takes a waiting frame back. */
-void can_write_tsr(can *n, uint32_t value) {
-    for (uint32_t box = 0; box < MAILBOXES; ++box) {
-        const uint32_t bits = value >> 8 * box;
-        if ((bits & 1u) != 0) {
-            n->reg[TSR] &= ~(0x0Fu << 8 * box);
-        }
-        if ((bits & 0x80u) != 0 && (n->words[box][0] & TXRQ) != 0 && n->sending != (int32_t)box) {
-            release(n, box, 1u);
-        }
-    }
-    can_update_lines(n);
-}
-
-/* FMP, FULL, FOVR. */
-uint32_t can_read_fifo(const can *n, uint32_t fifo) {
-    return n->fifo_count[fifo] | (n->reg[RF0R + fifo] & 0x18u);
-}
-
-/* RFOM gives the oldest frame back; ones clear FULL and FOVR. */
-void can_write_fifo(can *n, uint32_t fifo, uint32_t value) {
-    n->reg[RF0R + fifo] &= ~(value & 0x18u);
-    if ((value & 0x20u) != 0 && n->fifo_count[fifo] > 0) {
-        --n->fifo_count[fifo];
-        memmove(&n->fifos[fifo][0], &n->fifos[fifo][1], 2 * sizeof(can_frame));
-        n->reg[RF0R + fifo] &= ~0x08u;
-    }
-    can_update_lines(n);
-}
-
-uint32_t can_read_esr(const can *n) {
-    const uint32_t tec = (uint32_t)(n->tec < 255 ? n->tec : 255);
-    const uint32_t rec = (uint32_t)(n->rec < 255 ? n->rec : 255);
-    return n->reg[ESR] | tec << 16 | rec << 24;
-}
-
-static uint32_t receive_word(can *n, uint32_t offset) {
-    const uint32_t fifo = (offset - RECEIVE_AT) / 16;
-    const can_frame *frame = &n->fifos[fifo][0];
-    uint32_t words[4] = {frame->identifier << 21, frame->length, 0, 0};
-    if (n->fifo_count[fifo] == 0) {
-        chip_violate(n->bank.chip, n->bank.name, "30.9.3", "a receive FIFO read while empty");
-    }
-    memcpy(&words[2], frame->data, 8);
-    return words[(offset - RECEIVE_AT) % 16 / 4];
-}
-
-static int read(bank *b, uint32_t offset, uint32_t size, uint32_t *value) {
-    can *n = (can *)b;
-    if (size != 4) {
-        return 0;
-    }
-    if (offset == 4 * TSR) {
-        *value = can_read_tsr(n);
-    } else if (offset == 4 * RF0R || offset == 4 * RF0R + 4) {
-        *value = can_read_fifo(n, offset / 4 - RF0R);
-    } else if (offset == 4 * ESR) {
-        *value = can_read_esr(n);
-    } else if (offset >= TRANSMIT_AT && offset < RECEIVE_AT) {
-        *value = n->words[(offset - TRANSMIT_AT) / 16][offset % 16 / 4];
-    } else if (offset >= RECEIVE_AT && offset < RECEIVE_AT + 32) {
-        *value = receive_word(n, offset);
-    } else if (offset >= FILTERS_AT && offset < FILTERS_AT + 8 * BANKS) {
-        *value = n->filters[(offset - FILTERS_AT) / 8][offset % 8 / 4];
-    } else {
-        return 0;
-    }
-    return 1;
-}
-
-static int write_mailbox(can *n, uint32_t box, uint32_t word, uint32_t value) {
-    if ((word == 0 && (value & (IDE | RTR)) != 0) || (word == 1 && (value & ~0xFu) != 0)) {
-        return 0; /* not modelled: Python says so */
-    }
-    if ((n->words[box][0] & TXRQ) != 0) {
-        char text[64];
-        (void)snprintf(text, sizeof text, "transmit mailbox %u written while it waits to send", box);
-        chip_violate(n->bank.chip, n->bank.name, "30.7.1", text);
-        return 1;
-    }
-    n->words[box][word] = value;
-    if (word == 0 && (value & TXRQ) != 0) {
-        n->order[box] = ++n->requests;
-        n->reg[TSR] &= ~(0x0Fu << 8 * box); /* a new request clears RQCP */
-        can_arbitrate(n);
-        can_update_lines(n);
-    }
-    return 1;
-}
-
-static int write(bank *b, uint32_t offset, uint32_t size, uint32_t value) {
-    can *n = (can *)b;
-    if (size != 4) {
-        return 0;
-    }
-    if (offset == 4 * TSR) {
-        can_write_tsr(n, value);
-    } else if ((offset == 4 * RF0R || offset == 4 * RF0R + 4) && (value & ~0x3Fu) == 0) {
-        can_write_fifo(n, offset / 4 - RF0R, value);
-    } else if (offset >= TRANSMIT_AT && offset < RECEIVE_AT) {
-        return write_mailbox(n, (offset - TRANSMIT_AT) / 16, offset % 16 / 4, value);
-    } else {
-        return 0;
-    }
-    return 1;
-}
-
-void can_bind(can *n) {
-    n->bank.read = read;
-    n->bank.write = write;
 }

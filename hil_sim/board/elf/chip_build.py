@@ -13,7 +13,8 @@ from cffi import FFI
 # The build runs in the root of the source tree, where setup.py is.
 FOLDER = "hil_sim/board/elf"
 SOURCES = (
-    "block_clock", "schedule", "nvic", "run", "gpio", "dma", "timer", "adc", "usart", "can", "iwdg", "world"
+    "block_clock", "schedule", "nvic", "run", "gpio", "dma", "timer", "adc", "usart", "can",
+    "can_registers", "iwdg", "world"
 )  # fmt: skip
 WARNINGS = [] if sys.platform == "win32" else ["-O2", "-std=c11", "-Wall", "-Wextra", "-Wconversion"]
 

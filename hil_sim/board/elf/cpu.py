@@ -68,10 +68,17 @@ class Cpu:
         self._uc.hook_add(unicorn.UC_HOOK_MEM_UNMAPPED, self._on_unmapped)
 
     def _map_memory(self) -> None:
-        memory, uc = self.memory, self._uc
-        for offset, size in SECTORS:  # a region each: what may be read is decided by sectors
-            uc.mem_map_ptr(FLASH_BASE + offset, size, READ_EXECUTE, memory.flash_address + offset)
-        uc.mem_map_ptr(RAM_BASE, len(memory.ram), unicorn.UC_PROT_ALL, memory.ram_address)
+        """RAM, and a region for each sector: what may be read is decided by sectors.
+
+        The largest first: Unicorn 2.1 places a region behind the smallest that it has, and two that share a
+        place share its notes on translated code too: a store to the one drops the code of the other.
+        """
+        memory = self.memory
+        regions = [(RAM_BASE, len(memory.ram), unicorn.UC_PROT_ALL, memory.ram_address)]
+        for offset, size in SECTORS:
+            regions.append((FLASH_BASE + offset, size, READ_EXECUTE, memory.flash_address + offset))
+        for region in sorted(regions, key=lambda region: -region[1]):
+            self._uc.mem_map_ptr(*region)
 
     def _start_clock(self) -> None:
         clock, uclib = self.clock, binding.uclib

@@ -7,12 +7,15 @@ them the calibration that `device calibrate --save` stored there. The first goes
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from impid_host.calibration.accelerometer import AccelerometerCalibration, Estimate
 from impid_host.errors import InputError
 from impid_host.recording import channels
-from impid_host.recording.reader import Recording
 from impid_host.study.model import AccelerometerSetup, Setup
+
+if TYPE_CHECKING:
+    from impid_host.recording.reader import Recording
 
 _NUMBERS = ("zero_x", "zero_y", "gain_x", "gain_y", "angle_x", "angle_y")
 _SETTING = {"zero": ("zero", 1.0, 1e3), "gain": ("per_g", 1.0, 1e3), "angle": ("angle", 1e6, 1e6)}
@@ -37,7 +40,7 @@ def calibrated(accelerometer: AccelerometerSetup, found: AccelerometerCalibratio
     )
 
 
-def with_calibration(setup: Setup, recordings: Sequence[Recording]) -> tuple[Setup, str]:
+def with_calibration(setup: Setup, recordings: "Sequence[Recording]") -> tuple[Setup, str]:
     """The apparatus with the calibration that the recordings carry, and what was done in words ("": nothing).
 
     Raises:

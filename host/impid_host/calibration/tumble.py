@@ -7,7 +7,6 @@ gains and the angle between the sensor's axes; how both are turned against the b
 """
 
 import numpy as np
-from scipy import optimize
 
 from impid_host.calibration.accelerometer import AccelerometerCalibration, Estimate, Floats, from_matrix
 from impid_host.errors import UndeterminedError
@@ -62,6 +61,8 @@ def calibrate_by_circle(codes: Floats) -> AccelerometerCalibration:
         raise UndeterminedError(_too_few(len(codes)))
     middle = (codes.max(axis=0) + codes.min(axis=0)) / 2
     gains = (codes.max(axis=0) - codes.min(axis=0)) / 2
+    from scipy import optimize  # noqa: PLC0415  (a fifth of a second)
+
     fit = optimize.least_squares(
         _length_error, [*middle, *gains, 0.0], args=(codes,), x_scale=[*gains, *gains, 0.1], method="lm"
     )

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
+from html import escape
 from typing import Any, Literal
 
 Verdict = Literal["impossible", "contradiction", "suspect"]
@@ -64,7 +65,17 @@ class Check:
 
 @dataclass(frozen=True, slots=True)
 class Checks:
-    """All findings about one study or one result, the gravest first."""
+    """All findings about one study or one result, the gravest first.
+
+    >>> wrong = Check("torque.sign", "joint1", "impossible", "a torque has the wrong sign", {}, "turn it")
+    >>> checks = Checks.of([Check("time.jump", "free_01", "suspect", "a row is missing"), wrong])
+    >>> [check.label for check in checks]
+    ['torque.sign@joint1', 'time.jump@free_01']
+    >>> checks.impossible, checks.trusted, len(checks)
+    (True, False, 2)
+    >>> checks.with_more([]).to_dict()["checks"][0]["remedy"]
+    'turn it'
+    """
 
     entries: tuple[Check, ...] = ()
 
@@ -99,6 +110,17 @@ class Checks:
     def to_dict(self) -> dict[str, Any]:
         """The keys `checks` and `trusted` of every JSON."""
         return {"checks": [entry.to_dict() for entry in self.entries], "trusted": self.trusted}
+
+    def _repr_html_(self) -> str:
+        """For a notebook: a line for each finding, or that there is none."""
+        if not self.entries:
+            return "<p>Nothing contradicts itself or physics.</p>"
+        lines = (
+            f"<li><strong>{escape(entry.verdict)}</strong> {escape(entry.label)}: {escape(entry.words)}"
+            f"{f'<br>Remedy: {escape(entry.remedy)}' if entry.remedy else ''}</li>"
+            for entry in self.entries
+        )
+        return f"<ul>{''.join(lines)}</ul>"
 
 
 def _plain(value: Any) -> Any:

@@ -8,16 +8,15 @@ Accelerations in Y and A come from the angles, so that no channel is judged by i
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import signal
 
 from impid_host.checks.signals import RATE_HZ, Signals, TrialSignals
 from impid_host.impedance.loads import load_model
 from impid_host.robot.model import RobotModel
 from impid_host.signals.arrays import Floats
-from impid_host.signals.filters import FiniteResponse
+from impid_host.signals.filters import FiniteResponse, windowed_sinc
 
 _DOWN = 5
-_LOW = FiniteResponse.of(signal.firwin(61, 4.0, fs=RATE_HZ), _DOWN)
+_LOW = FiniteResponse.of(windowed_sinc(np.hamming(61), 4.0 / RATE_HZ), _DOWN)
 ROWS_HZ = RATE_HZ / _DOWN
 
 

@@ -8,9 +8,9 @@ pairs look most alike together. A few steps of least squares then refine lag and
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import signal
 
 from impid_host.signals.arrays import Floats
+from impid_host.signals.correlation import correlation, overlap_sums
 
 STEP_S = 0.01
 _DRIFT_LIMIT = 1000e-6
@@ -69,27 +69,25 @@ def _on_grid(t: Floats, theta: Floats) -> Floats:
     """Smoothed over 30 ms, every 10 ms: (T, n)."""
     grid = np.arange(0.0, t[-1], STEP_S)
     values = np.stack([np.interp(grid, t, column) for column in theta.T], axis=1)
-    return np.asarray(
-        signal.fftconvolve(np.pad(values, ((2, 2), (0, 0)), "edge"), _TRIANGLE, "valid", axes=0)
-    )
+    longer = np.pad(values, ((2, 2), (0, 0)), "edge")
+    return np.stack([np.convolve(column, _TRIANGLE, "valid") for column in longer.T], axis=1)
 
 
-_TRIANGLE = np.array([1.0, 2.0, 3.0, 2.0, 1.0])[:, None] / 9.0
+_TRIANGLE = np.array([1.0, 2.0, 3.0, 2.0, 1.0]) / 9.0
 
 
 def _coarse(fast: Floats, slow: Floats) -> tuple[int, float]:
     """Lag in steps (robot plus lag = module) and likeness there."""
     size = len(fast) + len(slow) - 1
-    ones = signal.fftconvolve(np.ones(len(fast)), np.ones(len(slow)))
-    enough = ones > 0.25 * min(len(fast), len(slow))
+    enough = overlap_sums(np.ones(len(fast)), len(slow)) > 0.25 * min(len(fast), len(slow))
     together, single = np.zeros(size), np.zeros(size)
     for column in slow.T:
-        energy_slow = signal.fftconvolve(np.ones(len(fast)), column[::-1] ** 2)
+        energy_slow = overlap_sums(column[::-1] ** 2, len(fast))
         best = np.zeros(size)
         for other in fast.T:
-            energy = signal.fftconvolve(other**2, np.ones(len(slow))) * energy_slow
+            energy = overlap_sums(other**2, len(slow)) * energy_slow
             floor = 1e-4 * np.sum(other**2) * np.sum(column**2) + 1e-300
-            cross = np.abs(signal.fftconvolve(other, column[::-1]))
+            cross = np.abs(correlation(other[:, None], column[:, None]))
             best = np.maximum(best, np.where(enough, cross / np.sqrt(np.maximum(energy, floor)), 0.0))
         together += best
         single = np.maximum(single, best)

@@ -1,24 +1,26 @@
 """A finished fit before the gate: numbers of `fit`, of a saved model, of spectra; negative VAFs."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from impid_host.checks.check import Check, Checks
-from impid_host.checks.gate import LoadNumbers, RobotNumbers, gate
-from impid_host.checks.of_effects import bounded
+from impid_host.checks.gate import Bounded, LoadNumbers, RobotNumbers, gate
 from impid_host.checks.physics import UNDRIVEN
-from impid_host.diagnosis.result import Chosen
 from impid_host.impedance.campaign import StudyFit
 from impid_host.impedance.identify import RobotFit
+
+if TYPE_CHECKING:
+    from impid_host.diagnosis.result import Chosen
 
 # Below zero the model is worse than a constant; a trial in which next to nothing moves comes near it.
 _NEGATIVE = -5.0
 _METHODS = {"virtual sensor": "Method 1", "physical sensor": "Method 2"}
 
 
-def gate_fit(result: StudyFit, effects: Iterable[Chosen] = ()) -> Checks:
+def gate_fit(result: StudyFit, effects: "Sequence[Chosen]" = ()) -> Checks:
     """Everything that the fit is about to print, against physics.
 
     Args:
@@ -46,8 +48,16 @@ def gate_fit(result: StudyFit, effects: Iterable[Chosen] = ()) -> Checks:
         LoadNumbers(f"{fit.load} (spectral, {_METHODS[fit.method]})", fit.on, fit.M, fit.B, fit.K)
         for fit in result.spectral
     ]
-    found = gate(robot=numbers if known else None, loads=loads, parameters=bounded(effects))
+    found = gate(robot=numbers if known else None, loads=loads, parameters=_bounded(effects))
     return found.with_more(_negative(result)).with_more(_undetermined(result))
+
+
+def _bounded(effects: "Sequence[Chosen]") -> "Iterable[Bounded]":
+    if not effects:
+        return ()
+    from impid_host.checks.of_effects import bounded  # noqa: PLC0415  (the catalogue is slow to import)
+
+    return bounded(effects)
 
 
 def _undetermined(result: StudyFit) -> Iterator[Check]:

@@ -10,7 +10,6 @@ from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
 
 from impid_host.checks.matching import Match, match
 from impid_host.checks.wraps import Unwrapped, unwrapped
@@ -26,6 +25,7 @@ from impid_host.signals.counts import (
     usable_samples,
 )
 from impid_host.signals.force_timing import as_means
+from impid_host.signals.spline import Spline
 from impid_host.study.model import EncoderSetup, RobotLog, RobotSetup, Setup, Study, Trial
 
 RATE_HZ = 50.0
@@ -322,5 +322,5 @@ def _onto(t: Floats, values: Floats, grid: Floats) -> Floats:
     means = np.add.reduceat(values, starts, axis=0) / count[:, None]
     at = np.add.reduceat(t, starts) / count
     rising = np.concatenate([[True], np.diff(at) > 0])
-    result: Floats = CubicSpline(at[rising], means[rising], axis=0)(np.clip(grid, at[0], at[-1]))
+    result: Floats = Spline(at[rising], means[rising])(np.clip(grid, at[0], at[-1]))
     return result

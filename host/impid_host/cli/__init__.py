@@ -5,7 +5,6 @@ import sys
 
 import click
 
-from impid_host import __version__
 from impid_host.errors import ImpidError
 
 # name -> what it does; the module of the same name holds a click command called `command`.
@@ -52,7 +51,7 @@ class _LazyGroup(click.Group):
 @click.group(
     cls=_LazyGroup, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100}
 )
-@click.version_option(__version__)
+@click.version_option(package_name="impid")
 def cli() -> None:
     """Measure a human arm's mechanical impedance without a force sensor.
 

@@ -3,19 +3,19 @@
 import difflib
 import json
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
-import tomli_w
 from rich.console import Console
 
-from impid_host.checks import Change, Checks, agreement, check_study
 from impid_host.cli.checked import IMPOSSIBLE, unconfirmed
 from impid_host.cli.inputs import load_inputs
 from impid_host.errors import InputError
-from impid_host.report.check_tables import agreement_table, print_above, print_below
 from impid_host.report.wide_console import table_console
 from impid_host.study.toml_file import load_toml
+
+if TYPE_CHECKING:
+    from impid_host.checks import Change, Checks
 
 
 @click.command()
@@ -40,6 +40,9 @@ def command(study: Path, json_to: str | None, fix: bool) -> None:
       impid-host check study/ --fix
     """
     read = load_inputs([study], (), None)
+    from impid_host.checks import agreement, check_study  # noqa: PLC0415  (slow to import)
+    from impid_host.report.check_tables import agreement_table, print_above, print_below  # noqa: PLC0415
+
     with Console(stderr=True).status("checking"):
         checks = check_study(read)
         pairs = agreement(read)
@@ -67,17 +70,19 @@ def command(study: Path, json_to: str | None, fix: bool) -> None:
         raise SystemExit(IMPOSSIBLE)
 
 
-def checks_json(study: str, checks: Checks, pairs: list[dict[str, Any]]) -> dict[str, Any]:
+def checks_json(study: str, checks: "Checks", pairs: list[dict[str, Any]]) -> dict[str, Any]:
     """The answer, format impid-check/1."""
     return {"format": "impid-check/1", "study": study, **checks.to_dict(), "agreement": pairs}
 
 
-def write_fixed(study: Path, checks: Checks, *, err: bool = False) -> None:
+def write_fixed(study: Path, checks: "Checks", *, err: bool = False) -> None:
     """Show the difference, and write the corrected setup beside the old one; the old one stays.
 
     Raises:
         InputError: the study has no setup.toml of its own, or the file cannot be written.
     """
+    import tomli_w  # noqa: PLC0415
+
     path = study / "setup.toml"
     changes = _first_of_each_group(checks)
     if not changes:
@@ -109,7 +114,7 @@ def write_fixed(study: Path, checks: Checks, *, err: bool = False) -> None:
     click.echo(f"{fixed} written; look at it, then: mv {fixed} {path}", err=err)
 
 
-def _first_of_each_group(checks: Checks) -> list[Change]:
+def _first_of_each_group(checks: "Checks") -> "list[Change]":
     """Of findings that explain the same, only the first: they stand in the order of their likelihood."""
     taken: list[Change] = []
     keys: set[tuple[str, str]] = set()

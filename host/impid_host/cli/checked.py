@@ -2,15 +2,15 @@
 
 import json
 from pathlib import Path
-from typing import NoReturn
+from typing import TYPE_CHECKING, NoReturn
 
 import click
 
-from impid_host.checks import Checks
 from impid_host.errors import UndeterminedError
-from impid_host.report.check_tables import print_above
-from impid_host.report.wide_console import table_console
 from impid_host.study.model import Study
+
+if TYPE_CHECKING:
+    from impid_host.checks import Checks
 
 IMPOSSIBLE = 3
 OFFER = (
@@ -35,7 +35,7 @@ def unconfirmed(study: Study) -> str:
     )
 
 
-def refused(study: Study, checks: Checks, error: UndeterminedError, json_to: str | None) -> NoReturn:
+def refused(study: Study, checks: "Checks", error: UndeterminedError, json_to: str | None) -> NoReturn:
     """A study that cannot be fitted: what the checks found comes before the reason.
 
     Raises:
@@ -50,6 +50,9 @@ def refused(study: Study, checks: Checks, error: UndeterminedError, json_to: str
         else:
             Path(json_to).write_text(text + "\n", encoding="utf-8")
     if json_to != "-":
+        from impid_host.report.check_tables import print_above  # noqa: PLC0415  (slow to import)
+        from impid_host.report.wide_console import table_console  # noqa: PLC0415
+
         print_above(table_console(), checks)
     reason = after_mistakes(str(error), checks)
     if checks.impossible:
@@ -58,7 +61,7 @@ def refused(study: Study, checks: Checks, error: UndeterminedError, json_to: str
     raise UndeterminedError(reason) from error
 
 
-def after_mistakes(reason: str, checks: Checks) -> str:
+def after_mistakes(reason: str, checks: "Checks") -> str:
     """Why a fit refuses, with the mistakes that were named as what to mend in place of general advice."""
     grave = [one for one in checks if one.verdict != "suspect" and not one.what.endswith("disagree")]
     causes = [one for one in grave if one.what.split(".")[0] not in ("result", "vaf")]

@@ -1,14 +1,12 @@
 """`impid-host design`: what to shake the robot with, as CSV for its controller."""
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 import numpy as np
 
 from impid_host.cli.design_trial import trial
-from impid_host.design.force_multisine import design_force_multisines
-from impid_host.design.interaction import Contact, modified_perturbation
-from impid_host.design.perturbation import design_perturbation
 from impid_host.design.reference import (
     Plan,
     design_reference,
@@ -21,6 +19,9 @@ from impid_host.robot.model import ROBOTS, RobotModel, robot_model
 from impid_host.study.csv_table import write_columns
 from impid_host.study.model import Setup
 from impid_host.study.setup_file import read_setup
+
+if TYPE_CHECKING:
+    from impid_host.design.interaction import Contact
 
 KINDS = {
     "ten-sinusoids": ten_sinusoids,
@@ -185,6 +186,9 @@ def perturbation(
     Example:
       impid-host design perturbation --rms 4 --out perturbation.csv
     """
+    from impid_host.design.interaction import modified_perturbation  # noqa: PLC0415  (with it spectra)
+    from impid_host.design.perturbation import design_perturbation  # noqa: PLC0415
+
     if setup_path is not None and axes != 2:
         raise click.UsageError("--modify-for needs the two axes of a planar robot")
     # What the setup lacks is said before a hundred candidates are tried.
@@ -252,6 +256,8 @@ def multisine(
     Example:
       impid-host design multisine --rms 4 --out multisine/
     """
+    from impid_host.design.force_multisine import design_force_multisines  # noqa: PLC0415  (with it spectra)
+
     design = design_force_multisines(
         rms,
         axes=axes,
@@ -287,8 +293,10 @@ def _model(path: Path, setup: Setup) -> RobotModel:
 
 def _contact(
     path: Path, angles_deg: tuple[float, float], hold: tuple[float, float], arm: tuple[float, float, float]
-) -> Contact:
+) -> "Contact":
     """Robot at rest at the test location, from its identified parameters, against an isotropic arm."""
+    from impid_host.design.interaction import Contact  # noqa: PLC0415  (with it spectra)
+
     setup = read_setup(path)
     model = _model(path, setup)
     if model.joints != 2 or setup.prior_alpha is None:

@@ -2,6 +2,7 @@
 
 import json
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 import numpy as np
@@ -12,14 +13,14 @@ from rich.table import Table
 
 from impid_host.cli.inputs import load_inputs
 from impid_host.design.tie_file import OpenQuestions, read_ties
-from impid_host.design.tie_motions import columns_of
-from impid_host.design.tie_trials import ENOUGH_NATS, Planned, limits_of, prepared, ranked
-from impid_host.effects.catalogue import telling_trial
 from impid_host.errors import InputError, UndeterminedError
 from impid_host.report.wide_console import table_console
 from impid_host.robot.model import ROBOTS
 from impid_host.study.csv_table import write_columns
 from impid_host.study.model import Study
+
+if TYPE_CHECKING:
+    from impid_host.design.tie_trials import Planned
 
 _POSITIVE = click.FloatRange(0, min_open=True)
 
@@ -85,6 +86,8 @@ def trial(
     questions = read_ties(diagnosis)
     read = load_inputs([study], (), None)
     _fitting(study, read, questions)
+    from impid_host.design.tie_trials import limits_of, prepared, ranked  # noqa: PLC0415  (a second in all)
+
     with Progress(console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task("aligning", total=1.0)
 
@@ -129,7 +132,9 @@ def _fitting(path: Path, study: Study, questions: OpenQuestions) -> None:
         )
 
 
-def _table(plans: list[Planned], questions: OpenQuestions) -> Table:
+def _table(plans: "list[Planned]", questions: OpenQuestions) -> Table:
+    from impid_host.design.tie_trials import ENOUGH_NATS  # noqa: PLC0415
+
     table = Table(title=f"Nats that each would add ({ENOUGH_NATS:.0f} settle a tie in 19 of 20)")
     table.add_column("trial")
     for labels in questions.ties:
@@ -144,6 +149,9 @@ def _tie(labels: tuple[str, ...]) -> str:
 
 
 def _refusal(labels: tuple[str, ...], nats: float) -> str:
+    from impid_host.design.tie_trials import ENOUGH_NATS  # noqa: PLC0415
+    from impid_host.effects.catalogue import telling_trial  # noqa: PLC0415
+
     which = " and ".join(labels) if len(labels) > 1 else f"{labels[0]} and nothing"
     how = (
         "are the same by their equations in every trial tried"
@@ -153,7 +161,7 @@ def _refusal(labels: tuple[str, ...], nats: float) -> str:
     return f"{which} {how}; what would tell: {telling_trial(labels)}."
 
 
-def _words(best: Planned, study: Path, out: Path | None) -> str:
+def _words(best: "Planned", study: Path, out: Path | None) -> str:
     own = best.candidate
     if own.motion is None:
         then = "Write payload_kg into trial.toml of each of their trials, and diagnose again."
@@ -172,7 +180,9 @@ def _words(best: Planned, study: Path, out: Path | None) -> str:
     )
 
 
-def _write(best: Planned, out: Path) -> None:
+def _write(best: "Planned", out: Path) -> None:
+    from impid_host.design.tie_motions import columns_of  # noqa: PLC0415
+
     own = best.candidate
     assert own.motion is not None
     head: dict[str, object] = {"kind": best.kind, "note": own.words}
@@ -188,7 +198,9 @@ def _write(best: Planned, out: Path) -> None:
         raise InputError(out, f"cannot be written ({error.strerror})", "choose another --out") from error
 
 
-def _write_json(to: str, plans: list[Planned], questions: OpenQuestions) -> None:
+def _write_json(to: str, plans: "list[Planned]", questions: OpenQuestions) -> None:
+    from impid_host.design.tie_trials import ENOUGH_NATS  # noqa: PLC0415
+
     content = {
         "format": "impid-tie-trials/1",
         "ties": [list(labels) for labels in questions.ties],

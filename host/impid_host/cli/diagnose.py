@@ -3,27 +3,20 @@
 import json
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 from rich.console import Console
 from rich.progress import Progress
 from rich.table import Table
 
-from impid_host.checks import check_study
-from impid_host.checks.of_diagnosis import beside_diagnosis
 from impid_host.cli.checked import IMPOSSIBLE, refused
 from impid_host.cli.inputs import load_inputs
-from impid_host.diagnosis.diagnose import diagnose
-from impid_host.diagnosis.result import Diagnosis
-from impid_host.diagnosis.saved import save_model as write_model
-from impid_host.diagnosis.verdict import beside_checks
 from impid_host.errors import UndeterminedError
-from impid_host.report.check_tables import print_above, print_below, with_marks
-from impid_host.report.diagnosis_json import diagnosis_json
-from impid_host.report.diagnosis_tables import effect_table, parameter_table, stage_table
-from impid_host.report.diagnosis_units import structure_words
-from impid_host.report.sessions_json import sessions_json
 from impid_host.report.wide_console import table_console
+
+if TYPE_CHECKING:
+    from impid_host.diagnosis.result import Diagnosis
 
 
 @click.command()
@@ -62,6 +55,12 @@ def command(
       impid-host diagnose study/ --figures figures/ --save-model model.json
     """
     read = load_inputs([study], (), None)
+    from impid_host.checks import check_study  # noqa: PLC0415
+    from impid_host.checks.of_diagnosis import beside_diagnosis  # noqa: PLC0415  (a second in all)
+    from impid_host.diagnosis.diagnose import diagnose  # noqa: PLC0415
+    from impid_host.diagnosis.verdict import beside_checks  # noqa: PLC0415
+    from impid_host.report.check_tables import print_above, print_below  # noqa: PLC0415
+
     with Progress(console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task("checking", total=1.0)
         checks = check_study(read)
@@ -85,8 +84,13 @@ def command(
         drawn = draw_diagnosis(answer, figures)
         click.echo(f"{len(drawn)} figure{'s' if len(drawn) > 1 else ''} in {figures}", err=True)
     if save_model is not None:
+        from impid_host.diagnosis.saved import save_model as write_model  # noqa: PLC0415
+
         write_model(answer, read, save_model)
     if json_to is not None:
+        from impid_host.report.diagnosis_json import diagnosis_json  # noqa: PLC0415
+        from impid_host.report.sessions_json import sessions_json  # noqa: PLC0415
+
         text = json.dumps(diagnosis_json(answer, checks) | sessions_json(read), indent=2, allow_nan=False)
         if json_to == "-":
             click.echo(text)
@@ -96,10 +100,18 @@ def command(
         raise SystemExit(IMPOSSIBLE)
 
 
-def show(answer: Diagnosis, *, trusted: bool = True) -> None:
+def show(answer: "Diagnosis", *, trusted: bool = True) -> None:
     """Print the answer for people; where it is not trusted every number is marked, and nothing is said to be
     complete.
     """
+    from impid_host.report.check_tables import with_marks  # noqa: PLC0415
+    from impid_host.report.diagnosis_tables import (  # noqa: PLC0415  (the catalogue is slow to import)
+        effect_table,
+        parameter_table,
+        stage_table,
+    )
+    from impid_host.report.diagnosis_units import structure_words  # noqa: PLC0415
+
     console = table_console()
     console.print(answer.verdict[:1].upper() + answer.verdict[1:] + ".")
 

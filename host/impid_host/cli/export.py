@@ -9,7 +9,7 @@ import click
 from impid_host.calibration.applied import apply, read_calibration, with_calibration
 from impid_host.cli.checked import offer_check
 from impid_host.errors import InputError
-from impid_host.recording.export.can_log import write_can_log
+from impid_host.extras import need
 from impid_host.recording.export.origin import write_origin
 from impid_host.recording.export.tables import write_mat, write_parquet
 from impid_host.recording.reader import Recording, read_recording
@@ -23,7 +23,15 @@ from impid_host.study.robot_csv import read_robot_log
 from impid_host.study.setup_file import read_setup
 from impid_host.study.trial_file import TrialHead, default_load
 
-_FILES = {".parquet": write_parquet, ".mat": write_mat, ".asc": write_can_log, ".blf": write_can_log}
+
+def _write_can_log(recording: Recording, path: Path) -> None:
+    need("can", f"a {path.suffix} file")
+    from impid_host.recording.export.can_log import write_can_log  # noqa: PLC0415  (an extra)
+
+    write_can_log(recording, path)
+
+
+_FILES = {".parquet": write_parquet, ".mat": write_mat, ".asc": _write_can_log, ".blf": _write_can_log}
 _KINDS = ("free", "mass-spring", "arm", "stochastic")
 _KIND_BY_NAME: dict[str, TrialKind] = {"free": "free", "spring": "mass-spring", "arm": "arm"}
 

@@ -1,40 +1,14 @@
-"""`impid-host fit`: the robot, then the load or arm, of a study."""
+"""`impid-host fit`: the robot, then the load or arm, of a study. What it does is in `fit_run`."""
 
-import json
-from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import click
-from rich.console import Console
 
-from impid_host.checks import Agreement, Checks, agreement, check_study
-from impid_host.checks.of_diagnosis import of_input
-from impid_host.checks.of_fit import gate_fit
-from impid_host.cli.checked import IMPOSSIBLE, refused, unconfirmed
 from impid_host.cli.inputs import load_inputs
 from impid_host.cli.pair import PAIR
-from impid_host.diagnosis.saved import SavedModel, read_model
-from impid_host.errors import UndeterminedError
-from impid_host.impedance.campaign import Options, Progress, StudyFit, default_chain, fit_study
-from impid_host.impedance.constrained import Constrained
-from impid_host.impedance.constrained import constrain as constrain_matrices
-from impid_host.impedance.joint_space import JointImpedance, Limb, joint_impedance
-from impid_host.impedance.reflex import Band, ReflexFit, fit_trial_reflex
-from impid_host.impedance.rows import Split
-from impid_host.report.check_tables import agreement_table, print_above, print_below
-from impid_host.report.fit_json import Json, fit_json
-from impid_host.report.fit_page import print_fit
-from impid_host.report.reflex_report import reflex_json, reflex_table
-from impid_host.report.sessions_json import sessions_json
-from impid_host.report.wide_console import table_console
 from impid_host.robot.terms import TERMS
-from impid_host.signals.chain import CHAINS, DEFAULT, Chain
-from impid_host.study.model import Study
-
-if TYPE_CHECKING:
-    from impid_host.diagnosis.result import Chosen
-    from impid_host.diagnosis.reuse import Provenance
+from impid_host.signals.chain import CHAINS, DEFAULT
 
 REFLEX = "load.delay"
 
@@ -152,164 +126,31 @@ def command(
       impid-host fit ankle/ --with load.delay --cutoff 40 --validate 20
       impid-host fit emps/ --chain emps --with friction.coulomb --with actuator.offset --validate 0
     """
-    geometry = _limb(limb, shoulder, side)
+    if limb is not None and shoulder is None:
+        raise click.UsageError("--limb needs to know where the shoulder is: add --shoulder X,Y")
+    if limb is not None and min(limb) <= 0:
+        raise click.UsageError("--limb: lengths must be positive, in metres")
     if save_model is not None and model_file is not None:
         raise click.UsageError("--save-model writes a model without effects: leave --model out")
-    study = load_inputs(paths, robot_log, setup)
-    row = _chain(study, chain, cutoff)
-    own_terms = tuple(term for term in terms if term != REFLEX)
-    options = Options(row, acceleration, own_terms, Split(validate), physical)
-    errors = Console(stderr=True)
-    saved = None if model_file is None else _saved(model_file, chain)
-    drawn = None
-    with errors.status("checking") as status:
-        answer = _answer(study, options, saved, status.update, keep_robot=saved_robot, json_to=json_to)
-        if figures is not None:
-            status.update("drawing")
-            from impid_host.report.fit_figures import draw_study  # noqa: PLC0415  (matplotlib is slow to import)
-
-            drawn = f"{len(draw_study(answer.result, figures))} figures in {figures}"
-    _save(save_model, answer.result, study, options)
-    handle = study.setup.handle_mass_kg
-    arms = [fit for fit in answer.result.loads if fit.model.name == "arm" and len(fit.model.axes) == 2]
-    extras = _Extras(
-        reflexes=_reflexes(answer.result, validate) if REFLEX in terms else {},
-        tight=[constrain_matrices(fit, handle) for fit in arms] if constrain else [],
-        joints=[] if geometry is None else [joint_impedance(fit, geometry, handle) for fit in arms],
-    )
-    for line in [] if answer.provenance is None else answer.provenance.warnings:
-        click.echo(line, err=True)
-    if json_to != "-":
-        _show(answer, extras, unconfirmed(study))
-        if drawn is not None:
-            click.echo(drawn)
-    if json_to is not None:
-        _write(json.dumps(_document(answer, extras) | sessions_json(study), indent=2), json_to)
-    if answer.checks.impossible:
-        raise SystemExit(IMPOSSIBLE)
-
-
-@dataclass(frozen=True)
-class _Answer:
-    """A fit and what is to be said about it; `provenance` of a saved model, where one was used."""
-
-    result: StudyFit
-    provenance: "Provenance | None"
-    checks: Checks
-    measured_twice: Agreement
-
-
-@dataclass(frozen=True)
-class _Extras:
-    """What was asked for besides."""
-
-    reflexes: dict[str, tuple[ReflexFit, Band]]
-    tight: list[Constrained]
-    joints: list[JointImpedance]
-
-
-def _answer(
-    study: Study,
-    options: Options,
-    saved: SavedModel | None,
-    progress: Progress,
-    *,
-    keep_robot: bool,
-    json_to: str | None,
-) -> _Answer:
-    """Check, fit, and hold the fit against physics and against what was measured twice."""
-    checks = check_study(study)
-    provenance: Provenance | None = None
-    effects: tuple[Chosen, ...] = ()
-    try:
-        if saved is None:
-            result = fit_study(study, options, progress)
-        else:
-            from impid_host.diagnosis.reuse import fit_with_model  # noqa: PLC0415  (the catalogue is slow to import)
-
-            reused = fit_with_model(study, saved, options, progress, keep_robot=keep_robot)
-            result, provenance, effects = reused.fit, reused.provenance, reused.effects
-            # What is judged is the study with the model's effects taken out.
-            checks = of_input(checks)
-    except UndeterminedError as error:
-        refused(study, checks, error, json_to)
-    twice = agreement(study, result.loads)
-    checks = checks.with_more(gate_fit(result, effects)).with_more(twice.checks)
-    return _Answer(result, provenance, checks, twice)
-
-
-def _show(answer: _Answer, extras: _Extras, assumption: str) -> None:
-    console = table_console()
-    print_above(console, answer.checks)
-    for line in [] if answer.provenance is None else answer.provenance.lines:
-        click.echo(line)
-    print_fit(console, answer.result, extras.tight, extras.joints, marked=not answer.checks.trusted)
-    if extras.reflexes:
-        console.print(reflex_table(extras.reflexes))
-    if answer.measured_twice.pairs:
-        console.print(agreement_table(answer.measured_twice))
-    print_below(console, answer.checks)
-    if assumption:
-        click.echo(assumption)
-
-
-def _document(answer: _Answer, extras: _Extras) -> Json:
-    document = fit_json(
-        answer.result,
-        constrained=extras.tight,
-        joints=extras.joints,
-        checks=answer.checks,
-        measured_twice=answer.measured_twice,
-    )
-    if answer.provenance is not None:
-        document["model"] = asdict(answer.provenance)
-    if extras.reflexes:
-        document["reflex"] = reflex_json(extras.reflexes)
-    return document
-
-
-def _chain(study: Study, name: str, cutoff: float | None) -> Chain:
-    if cutoff is not None:
-        return CHAINS[name].with_cutoff(cutoff)
-    return default_chain(study) if name == DEFAULT.name else CHAINS[name]
-
-
-def _save(path: Path | None, result: StudyFit, study: Study, options: Options) -> None:
-    """The model as it was fitted, and the textbook's on the same aligned data."""
-    if path is None:
-        return
-    from impid_host.diagnosis.saved import fit_json as model_json  # noqa: PLC0415  (the catalogue is slow to import)
-    from impid_host.diagnosis.saved import write_model  # noqa: PLC0415
-    from impid_host.diagnosis.textbook import textbook_fit  # noqa: PLC0415
-
-    write_model(model_json(result, study, textbook_fit(study, result, options)), path)
-
-
-def _write(text: str, to: str) -> None:
-    if to == "-":
-        click.echo(text)
-    else:
-        Path(to).write_text(text + "\n", encoding="utf-8")
-
-
-def _reflexes(result: StudyFit, held_out_s: float) -> dict[str, tuple[ReflexFit, Band]]:
-    arms = [trial for trial in result.trials if trial.kind == "arm"]
-    if not arms:
-        raise UndeterminedError(f"study {result.study}: no arm trial, so there is no reflex to fit")
-    return {trial.name: fit_trial_reflex(trial, held_out_s) for trial in arms}
-
-
-def _saved(path: Path, chain: str) -> SavedModel:
-    if chain != "default":
+    if model_file is not None and chain != DEFAULT.name:
         raise click.UsageError("--model goes with --chain default: its effects act on those signals")
-    return read_model(path)
+    study = load_inputs(paths, robot_log, setup)
+    from impid_host.cli.fit_run import Wishes, run  # noqa: PLC0415  (half a second in all)
 
-
-def _limb(limb: tuple[float, float] | None, shoulder: tuple[float, float] | None, side: str) -> Limb | None:
-    if limb is None:
-        return None
-    if shoulder is None:
-        raise click.UsageError("--limb needs to know where the shoulder is: add --shoulder X,Y")
-    if min(limb) <= 0:
-        raise click.UsageError("--limb: lengths must be positive, in metres")
-    return Limb(*limb, shoulder, side)
+    wishes = Wishes(
+        chain=chain,
+        acceleration=acceleration,
+        cutoff_hz=cutoff,
+        terms=tuple(term for term in terms if term != REFLEX),
+        reflex=REFLEX in terms,
+        held_out_s=validate,
+        model=model_file,
+        keep_robot=saved_robot,
+        save_model=save_model,
+        physical=physical,
+        constrain=constrain,
+        limb=None if limb is None or shoulder is None else (limb, shoulder, side),
+        json_to=json_to,
+        figures=figures,
+    )
+    run(study, wishes)

@@ -4,12 +4,11 @@ import re
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
-from impid_host.calibration.applied import with_calibration
 from impid_host.errors import InputError
-from impid_host.recording.reader import Recording, read_recording
 from impid_host.study.folder import read_study
 from impid_host.study.joints import logged_joints
 from impid_host.study.model import Setup, Study, Trial, TrialKind
@@ -17,6 +16,9 @@ from impid_host.study.names import distinct_names
 from impid_host.study.notices import notices_as_lines
 from impid_host.study.robot_csv import read_robot_log
 from impid_host.study.setup_file import read_setup
+
+if TYPE_CHECKING:
+    from impid_host.recording.reader import Recording
 
 _KIND_OF_NAME: tuple[tuple[str, TrialKind], ...] = (
     ("free", "free"),
@@ -45,6 +47,8 @@ def load_inputs(paths: Sequence[Path], robot_logs: Sequence[Path], setup: Path |
         if len(robot_logs) != len(paths):
             what = f"{len(paths)} recording(s) but {len(robot_logs)} robot log(s)"
             raise InputError(paths[0], what, "give one --robot-log for each recording, in the same order")
+        from impid_host.calibration.applied import with_calibration  # noqa: PLC0415  (of recordings alone)
+
         recordings = [_recording(path) for path in paths]
         apparatus, words = with_calibration(read_setup(setup), recordings)
         if words:
@@ -71,14 +75,16 @@ def load_studies(paths: Sequence[Path]) -> list[Study]:
     return [replace(study, name=names[str(place)]) for study, place in zip(read, places, strict=True)]
 
 
-def _recording(path: Path) -> Recording:
+def _recording(path: Path) -> "Recording":
+    from impid_host.recording.reader import read_recording  # noqa: PLC0415  (the wire formats are slow to load)
+
     recording = read_recording(path)
     for warning in recording.warnings:
         click.echo(f"{path}: {warning}", err=True)
     return recording
 
 
-def _trial(recording: Recording, log: Path, setup: Setup) -> Trial:
+def _trial(recording: "Recording", log: Path, setup: Setup) -> Trial:
     path = recording.path
     if not recording.segments:
         raise InputError(path, "holds no samples", "record again with the board streaming")

@@ -3,17 +3,18 @@
 import json
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 from rich.console import Console
 
-from impid_host.checks import Checks, check_study
 from impid_host.cli.checked import IMPOSSIBLE
 from impid_host.cli.inputs import load_inputs
-from impid_host.diagnosis.saved import read_model
-from impid_host.report.check_tables import print_above, print_below, with_marks
 from impid_host.report.wide_console import table_console
 from impid_host.study.model import Study
+
+if TYPE_CHECKING:
+    from impid_host.checks import Checks
 
 
 @click.command()
@@ -51,10 +52,13 @@ def command(
       impid-host judge model.json slow/ fast/ --json judged.json
       impid-host judge model.json other_day/ --refit-record --band 4.5 --band 30
     """
+    from impid_host.diagnosis.saved import read_model  # noqa: PLC0415  (slow to import)
+
     saved = read_model(model)
     read = [load_inputs([study], (), None) for study in studies]
     from impid_host.checks.of_model import gate_model  # noqa: PLC0415  (the catalogue is slow to import)
     from impid_host.diagnosis.other_records import BANDS_HZ, judge  # noqa: PLC0415
+    from impid_host.report.check_tables import print_above, print_below, with_marks  # noqa: PLC0415
     from impid_host.report.judgement import band_table, judgement_json, lines, warnings  # noqa: PLC0415
 
     with Console(stderr=True).status("checking") as status:
@@ -83,8 +87,10 @@ def command(
         raise SystemExit(IMPOSSIBLE)
 
 
-def _checks(studies: list[Study]) -> Checks:
+def _checks(studies: list[Study]) -> "Checks":
     """What each study's own data contradict; of several, each finding says in which."""
+    from impid_host.checks import Checks, check_study  # noqa: PLC0415
+
     entries = []
     for study in studies:
         for entry in check_study(study):

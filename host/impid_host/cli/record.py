@@ -13,7 +13,8 @@ import click
 from rich.console import Console
 
 from impid_host import __version__
-from impid_host.calibration.applied import as_metadata, read_calibration
+from impid_host.calibration.applied import apply as apply_calibration
+from impid_host.calibration.applied import as_metadata, read_calibration, recorded_calibration
 from impid_host.cli.link_options import address_of, link_options
 from impid_host.clock.device import fit_clock
 from impid_host.errors import InputError, LinkError, UndeterminedError
@@ -27,10 +28,15 @@ from impid_host.recording.display import progress_display
 from impid_host.recording.reader import read_recording
 from impid_host.recording.recorder import SILENCE_S, Outcome, Progress, Recorder
 from impid_host.recording.writer import RecordingWriter
+from impid_host.study.model import Setup
+from impid_host.study.setup_file import read_setup
 from impid_host.view.live_view import LiveView
+from impid_host.view.scale import Scale, scale_of
+from impid_host.wire.messages import SAMPLE_PERIOD_US
 
 # The thread that stamps what the port receives must not wait 5 ms (Python's default) for a busy main thread.
 _SWITCH_INTERVAL_S = 0.0005
+_BOARD_RATE_HZ = 1e6 / SAMPLE_PERIOD_US
 _SIGNALS = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name))
 
 
@@ -46,6 +52,7 @@ class _Order:
     asked: dict[str, str]
     calibration: dict[str, str]
     view_at: tuple[str, int] | None
+    apparatus: Setup | None
 
 
 @click.command()
@@ -74,6 +81,13 @@ class _Order:
 )
 @click.option("--view", is_flag=True, help="Serve a page that shows the recording live.")
 @click.option(
+    "--setup",
+    "setup_file",
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="setup.toml of the apparatus, so that the page shows rad and m/s^2 by its numbers.",
+)
+@click.option(
     "--view-address",
     default="127.0.0.1:0",
     metavar="HOST:PORT",
@@ -101,6 +115,7 @@ def command(
     calibration_file: Path | None,
     reconnect: float,
     view: bool,
+    setup_file: Path | None,
     view_address: str,
     speed: float,
     seed: int | None,
@@ -125,14 +140,17 @@ def command(
       impid-host record --port /dev/ttyACM0 --duration 50 --out free_01.mcap
       impid-host record --port auto --duration 50 --out free_01.mcap
       impid-host record --can socketcan:can0 --duration 50 --out free_01.mcap
-      impid-host record --port auto --view --out free_02.mcap
+      impid-host record --port auto --view --setup rig.toml --out free_02.mcap
       impid-host record --sim first-light:free_01 --speed 5 --out free_01.mcap
     """
     if (port is None and can is None) == (sim is None):
         raise click.UsageError("give either --port, --can or --sim")
     if sim is None and (speed != 1.0 or seed is not None or truth is not None):
         raise click.UsageError("--speed, --seed and --truth are for --sim only")
+    if setup_file is not None and (sim is not None or not view):
+        raise click.UsageError("--setup is for --view; a simulated board brings its own")
     address = address_of(port, can, baud)
+    apparatus = None if setup_file is None else read_setup(setup_file)
     view_at = _host_and_port(view_address) if view else None
     calibration = (
         {} if calibration_file is None else as_metadata(read_calibration(calibration_file).calibration)
@@ -149,6 +167,7 @@ def command(
                 Simulator.start(sim, speed=speed, seed=seed, robot_log=robot_log, setup=setup, truth=truth)
             )
             address.port = served.port
+            apparatus = read_setup(setup)
             click.echo(f"simulating {sim.partition(':')[0]}:{served.trial}", err=True)
             if duration is None:
                 stopped = lambda: signalled.is_set() or served.finished  # noqa: E731
@@ -161,7 +180,7 @@ def command(
             "seed": seed,
         }
         said = {name: str(value) for name, value in asked.items() if value is not None}
-        order = _Order(out, address, duration, speed, reconnect, said, calibration, view_at)
+        order = _Order(out, address, duration, speed, reconnect, said, calibration, view_at, apparatus)
         outcome = _record(order, stopped)
     _conclude(outcome, order)
     if sim:
@@ -178,7 +197,9 @@ def _record(order: _Order, stopped: Callable[[], bool]) -> Outcome:
         )
         summary = {"ending": "failed"}
         try:
-            view = None if order.view_at is None else stack.enter_context(_announced_view(*order.view_at))
+            view = None
+            if order.view_at is not None:
+                view = stack.enter_context(_announced_view(order.view_at, _scale(client, order)))
             recorder = Recorder(
                 client,
                 writer,
@@ -205,9 +226,21 @@ def _record(order: _Order, stopped: Callable[[], bool]) -> Outcome:
     return outcome
 
 
-def _announced_view(host: str, port: int) -> LiveView:
+def _scale(client: BoardClient, order: _Order) -> Scale:
+    """By the apparatus, where it is described, else by the board's settings; a calibration goes first."""
+    setup, settings = order.apparatus, client.settings()
+    kept = {name: str(value) for name, value in settings.items()}
+    found = recorded_calibration(
+        {channels.METADATA_CALIBRATION: order.calibration, channels.METADATA_SETTINGS: kept}
+    )
+    if setup is not None and found is not None:
+        setup, _ = apply_calibration(setup, found, order.out)
+    return scale_of(setup, settings, client.info().full_scale_code)
+
+
+def _announced_view(at: tuple[str, int], scale: Scale) -> LiveView:
     need("aiohttp", "the live view")
-    view = LiveView.start(host, port)
+    view = LiveView.start(scale, _BOARD_RATE_HZ, *at)
     click.echo(f"live view: {view.url}  (token for stopping and marking: {view.token})", err=True)
     return view
 

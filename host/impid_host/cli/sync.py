@@ -7,10 +7,6 @@ import click
 
 from impid_host.cli.inputs import load_inputs
 from impid_host.errors import UndeterminedError
-from impid_host.report.fit_json import clock_json
-from impid_host.report.fit_tables import clock_table
-from impid_host.report.wide_console import table_console
-from impid_host.signals.align import match_trial
 
 
 @click.command()
@@ -41,6 +37,10 @@ def command(
       impid-host sync free_01.mcap --robot-log free_01.csv --setup setup.toml --json -
     """
     study = load_inputs(paths, robot_log, setup)
+    from impid_host.report.fit_tables import clock_table  # noqa: PLC0415  (slow to import)
+    from impid_host.report.wide_console import table_console  # noqa: PLC0415
+    from impid_host.signals.align import match_trial  # noqa: PLC0415
+
     trials = [trial for trial in study.trials if trial.device is not None]
     if not trials:
         raise UndeterminedError(
@@ -50,6 +50,8 @@ def command(
     if json_to != "-":
         table_console().print(clock_table(fits))
     if json_to is not None:
+        from impid_host.report.fit_json import clock_json  # noqa: PLC0415
+
         document = {
             "format": "impid-sync/1",
             "study": study.name,

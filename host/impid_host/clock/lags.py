@@ -3,10 +3,11 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import ndimage, signal
 
 from impid_host.errors import UndeterminedError
 from impid_host.signals.arrays import Floats
+from impid_host.signals.correlation import correlation, overlap_sums
+from impid_host.signals.filters import gaussian
 
 MIN_OVERLAP_S = 1.0
 # Of a long log so much to either side of the middle is looked at first.
@@ -37,16 +38,19 @@ class Motion:
 
 
 def smallest_step(theta: Floats) -> Floats:
-    steps = np.abs(np.diff(theta, axis=0))
-    threshold = 1e-12 * np.max(np.abs(theta), axis=0)
-    smallest: Floats = np.min(np.where(steps > threshold, steps, np.inf), axis=0)
-    return smallest
+    """Of each angle, (N, n) -> (n,); infinite where it never changes."""
+    smallest = []
+    for column in np.ascontiguousarray(theta.T):
+        steps = np.abs(np.diff(column))
+        moved = steps[steps > 1e-12 * max(abs(column.max()), abs(column.min()))]
+        smallest.append(moved.min() if len(moved) else np.inf)
+    return np.array(smallest)
 
 
 def _grid_velocity(log: Motion, step: float) -> Floats:
     grid = np.arange(0.0, log.duration, step)
     theta = np.stack([np.interp(grid, log.t, column) for column in log.theta.T], axis=1)
-    smooth = ndimage.gaussian_filter1d(theta, 2.0, axis=0)
+    smooth = gaussian(theta, 2.0)
     return np.gradient(smooth, step, axis=0)
 
 
@@ -63,19 +67,13 @@ def coarse_lags(device: Motion, robot: Motion) -> list[float]:
     shared = min(len(fast), len(slow))
     needed = max(min(MIN_OVERLAP_S / step, 0.8 * shared), 0.05 * shared)
 
-    def correlate(a: Floats, b: Floats) -> Floats:
-        result: Floats = signal.fftconvolve(a, b[::-1], axes=0).sum(axis=1)
-        return result
-
-    ones = np.ones_like(fast[:, :1]), np.ones_like(slow[:, :1])
-    cross = correlate(fast, slow)
-    energy = correlate(fast**2, np.ones_like(slow)) * correlate(np.ones_like(fast), slow**2)
-    floor = 1e-6 * (np.sum(fast**2) * np.sum(slow**2))
-    likeness = np.where(energy > floor, cross / np.sqrt(np.maximum(energy, floor)), 0.0)
-    likeness[correlate(*ones) < needed] = 0.0
-    peaks, _ = signal.find_peaks(np.concatenate([[0.0], likeness, [0.0]]))
-    peaks = peaks - 1
-    peaks = peaks[likeness[peaks] > _MIN_CORRELATION]
+    fast2, slow2 = (np.sum(velocity**2, axis=1) for velocity in (fast, slow))
+    energy = overlap_sums(fast2, len(slow)) * overlap_sums(slow2[::-1], len(fast))
+    floor = 1e-6 * fast2.sum() * slow2.sum()
+    likeness = np.where(energy > floor, correlation(fast, slow) / np.sqrt(np.maximum(energy, floor)), 0.0)
+    likeness[overlap_sums(np.ones(len(fast)), len(slow)) < needed] = 0.0
+    left, right = np.concatenate([[0.0], likeness[:-1]]), np.concatenate([likeness[1:], [0.0]])
+    peaks = np.flatnonzero((likeness > left) & (likeness >= right) & (likeness > _MIN_CORRELATION))
     if len(peaks) == 0:
         raise UndeterminedError(
             f"module and robot log do not show the same motion (best correlation {likeness.max():.2f}); "

@@ -8,45 +8,55 @@ microsecond.
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import ndimage
-from scipy.interpolate import CubicSpline
+from numpy.typing import NDArray
 
 from impid_host.clock.lags import FIRST_HALF_WINDOW_S, Motion, smallest_step
 from impid_host.signals.arrays import Floats, Mask
+from impid_host.signals.filters import gaussian
+from impid_host.signals.spline import Spline
 
 MAX_DRIFT = 1000e-6
 _VELOCITY_SMOOTHING_S = 8e-3
 _OUTLIER_SIGMAS = 8.0
+_FEWEST_ROWS = 50
+_MOST_STEPS = 30
+_WORST_CONDITION = 1e10
+_ONE_STEP_S = 2e-6
+
+Places = NDArray[np.intp]
 
 
 @dataclass(frozen=True, slots=True)
 class Interpolant:
-    """The angle and the smoothed velocity of one log at any time inside it.
+    """The angle and the smoothed velocity of one log at any time inside it, joint by joint.
 
-    `resolution` is the smallest step that each angle makes: one count, where it is counted; shape (n,).
+    Attributes:
+        angle: through the log's angles.
+        velocity: at the log's rows, (n, N).
+        sound: for each number of rows before an instant, (N + 1,), whether the angle there is to be believed:
+            away from gaps and ends, beside which a spline rings for a few rows.
+        resolution: the smallest step that each angle makes: one count, where it is counted; (n,).
     """
 
     motion: Motion
-    angle: CubicSpline
+    angle: Spline
     velocity: Floats
+    sound: Mask
     resolution: Floats
 
-    def believable(self, t: Floats) -> Mask:
-        """Away from gaps and ends: a spline rings for a few rows beside them."""
-        knots, period = self.motion.t, self.motion.period
-        right = np.clip(np.searchsorted(knots, t), 3, len(knots) - 3)
-        inside = (t > knots[2]) & (t < knots[-3])
-        result: Mask = inside & ((knots[right + 2] - knots[right - 3]) < 6.5 * period)
-        return result
-
-    def velocity_at(self, t: Floats) -> Floats:
-        columns = [np.interp(t, self.motion.t, column) for column in self.velocity.T]
-        return np.stack(columns, axis=1)
+    def speed_at(self, t: Floats, before: Places) -> Floats:
+        """Velocities, (n, K), at t (K,), each with so many rows before it."""
+        knots = self.motion.t
+        share = (t - knots[before - 1]) / (knots[before] - knots[before - 1])
+        return np.stack([(1 - share) * own[before - 1] + share * own[before] for own in self.velocity])
 
 
 @dataclass(frozen=True, slots=True)
 class Solution:
-    """A refined alignment: device = centre_device + (1 + drift)(robot - centre_robot), relative times."""
+    """A refined alignment: device = centre_device + (1 + drift)(robot - centre_robot), relative times.
+
+    Of n joints and the K rows that take part: residual, weight and speed, d(misfit)/d(offset), (n, K).
+    """
 
     centre_robot: float
     centre_device: float
@@ -54,13 +64,19 @@ class Solution:
     constants: Floats
     residual: Floats
     weight: Floats
-    design: Floats
+    speed: Floats
     rows: Floats
     rejected: int
 
     def normal(self, weight: Floats) -> Floats:
-        """Normal matrix of offset, drift and constants under other weights (rows, n)."""
-        return _normal(self.design, weight)
+        """Normal matrix of offset, drift and constants under other weights (n, K)."""
+        return _normal(self.speed, self.rows - self.centre_robot, weight)
+
+    def scores(self) -> Floats:
+        """Each row's part of the normal equations' right side, (2 + n, K)."""
+        pull = self.weight * self.residual
+        along = np.sum(pull * self.speed, axis=0)
+        return np.stack([along, along * (self.rows - self.centre_robot), *pull])
 
     @property
     def score(self) -> float:
@@ -68,10 +84,14 @@ class Solution:
 
 
 def interpolant_of(log: Motion) -> Interpolant:
+    """Of a log of ten rows or more."""
     raw = np.gradient(log.theta, log.t, axis=0)
-    velocity = ndimage.gaussian_filter1d(raw, _VELOCITY_SMOOTHING_S / log.period, axis=0)
-    angle = CubicSpline(log.t, log.theta, axis=0)
-    return Interpolant(log, angle, velocity, smallest_step(log.theta))
+    velocity = gaussian(raw, _VELOCITY_SMOOTHING_S / log.period)
+    sound = np.zeros(len(log.t) + 1, dtype=bool)
+    sound[3 : len(log.t) - 2] = log.t[5:] - log.t[:-5] < 6.5 * log.period
+    return Interpolant(
+        log, Spline(log.t, log.theta), np.ascontiguousarray(velocity.T), sound, smallest_step(log.theta)
+    )
 
 
 def refine(interpolant: Interpolant, robot: Motion, lag: float) -> Solution | None:
@@ -82,7 +102,7 @@ def refine(interpolant: Interpolant, robot: Motion, lag: float) -> Solution | No
     half = FIRST_HALF_WINDOW_S
     shift, drift = lag + centre, 0.0
     while True:
-        solution = gauss_newton(interpolant, robot, centre=centre, half=half, shift=shift, drift=drift)
+        solution = _settled(interpolant, robot, centre=centre, half=half, shift=shift, drift=drift)
         if solution is None or half >= 0.5 * (end - begin):
             break
         shift, drift, half = solution.centre_device, solution.drift, 2.0 * half
@@ -95,79 +115,118 @@ def refine(interpolant: Interpolant, robot: Motion, lag: float) -> Solution | No
     return solution
 
 
-def gauss_newton(
+def polished(interpolant: Interpolant, robot: Motion, near: Solution) -> Solution | None:
+    """All rows, from the solution by a part of them: as a rule one step.
+
+    Those are as many microseconds apart as make a step's error, its square times an acceleration, nothing.
+    """
+    solution: Solution | None = near
+    for _ in range(_MOST_STEPS):
+        before, solution = near, _step(interpolant, robot, np.inf, near)
+        if solution is None or abs(solution.centre_device - before.centre_device) < _ONE_STEP_S:
+            return solution
+        near = solution
+    return solution
+
+
+def _settled(
     interpolant: Interpolant, robot: Motion, *, centre: float, half: float, shift: float, drift: float
 ) -> Solution | None:
-    window = np.abs(robot.t - centre) <= half
+    """Steps until they no longer change anything, from an offset that may be milliseconds off."""
     joints = robot.theta.shape[1]
-    weight: Floats = np.ones((0, joints))
-    resolution = interpolant.resolution
-    for _ in range(30):
-        t_device = shift + (1.0 + drift) * (robot.t - centre)
-        rows = window & interpolant.believable(t_device)
-        if np.count_nonzero(rows) < 50:
+    nothing = np.ones((joints, 0))
+    near = Solution(centre, shift, drift, np.zeros(joints), nothing, nothing, nothing, np.zeros(0), 0)
+    solution: Solution | None = None
+    for _ in range(_MOST_STEPS):
+        solution = _step(interpolant, robot, half, near)
+        if solution is None:
             return None
-        t_row, t_dev = robot.t[rows], t_device[rows]
-        omega = interpolant.velocity_at(t_dev)
-        misfit = robot.theta[rows] - interpolant.angle(t_dev)
-        design = _design(omega, t_row - centre, joints)
-        weight = weight if weight.shape == misfit.shape else np.ones_like(misfit)
-        normal = _normal(design, weight)
-        scale = np.sqrt(np.maximum(np.diag(normal), 1e-300))
-        if np.linalg.cond(normal / np.outer(scale, scale)) > 1e10:
-            return None
-        step = np.linalg.solve(normal, np.einsum("kjp,kj->p", design, weight * misfit))
-        residual = misfit - design @ step
-        weight = _weights(residual, omega, resolution)
-        shift, drift = shift + float(step[0]), drift + float(step[1])
-        if abs(step[0]) < 1e-9 and abs(step[1]) < 1e-11:
+        moved, turned = solution.centre_device - near.centre_device, solution.drift - near.drift
+        if abs(moved) < 1e-9 and abs(turned) < 1e-11:
             break
+        near = solution
+    return solution
+
+
+def _step(interpolant: Interpolant, robot: Motion, half: float, near: Solution) -> Solution | None:
+    """One step of Gauss and Newton on the rows within `half` of the centre.
+
+    Rows keep their weights of last time. Where they are others than last time, they get those of what is left
+    of them now, or, first of all, one and the same.
+    """
+    elapsed = robot.t - near.centre_robot
+    t_device = near.centre_device + (1.0 + near.drift) * elapsed
+    before = np.searchsorted(interpolant.motion.t, t_device)
+    window = np.abs(elapsed) <= half
+    rows = window & interpolant.sound[before]
+    count = int(np.count_nonzero(rows))
+    if count < _FEWEST_ROWS:
+        return None
+    used = slice(None) if count == len(rows) else rows
+    elapsed, t_device, before = elapsed[used], t_device[used], before[used]
+    speed = interpolant.speed_at(t_device, before)
+    misfit = robot.theta[used].T - interpolant.angle(t_device).T
+    weight = near.weight
+    if weight.shape != misfit.shape:
+        first = near.residual.size == 0
+        left = misfit - near.constants[:, None]
+        weight = np.ones_like(misfit) if first else _weights(left, speed, interpolant.resolution)
+    normal = _normal(speed, elapsed, weight)
+    scale = np.sqrt(np.maximum(np.diag(normal), 1e-300))
+    if np.linalg.cond(normal / np.outer(scale, scale)) > _WORST_CONDITION:
+        return None
+    pull = weight * misfit
+    along = np.sum(pull * speed, axis=0)
+    step = np.linalg.solve(normal, np.array([along.sum(), along @ elapsed, *pull.sum(axis=1)]))
+    residual = misfit - speed * (step[0] + step[1] * elapsed) - step[2:, None]
+    weight = _weights(residual, speed, interpolant.resolution)
     return Solution(
-        centre_robot=centre,
-        centre_device=shift,
-        drift=drift,
+        centre_robot=near.centre_robot,
+        centre_device=near.centre_device + float(step[0]),
+        drift=near.drift + float(step[1]),
         constants=step[2:],
         residual=residual,
         weight=weight,
-        design=design,
-        rows=t_row,
-        rejected=int(np.count_nonzero(window) - np.count_nonzero(np.all(weight > 0, axis=1))),
+        speed=speed,
+        rows=robot.t[used],
+        rejected=int(np.count_nonzero(window) - np.count_nonzero(np.all(weight > 0, axis=0))),
     )
 
 
-def _normal(design: Floats, weight: Floats) -> Floats:
-    rows = design.reshape(-1, design.shape[2])
-    result: Floats = (rows * weight.reshape(-1, 1)).T @ rows
+def _normal(speed: Floats, elapsed: Floats, weight: Floats) -> Floats:
+    """Of d(misfit)/d(offset, drift, constant of each joint), speed, speed * elapsed, 1: (2 + n, 2 + n)."""
+    n = len(speed)
+    result = np.zeros((2 + n, 2 + n))
+    for joint in range(n):
+        columns = np.stack([speed[joint], speed[joint] * elapsed, np.ones(len(elapsed))])
+        own = [0, 1, 2 + joint]
+        result[np.ix_(own, own)] += (columns * weight[joint]) @ columns.T
     return result
 
 
-def _design(omega: Floats, elapsed: Floats, joints: int) -> Floats:
-    """d(misfit)/d(offset, drift, constant of each joint), shape (rows, n, 2 + n)."""
-    design = np.zeros((len(omega), joints, 2 + joints))
-    design[:, :, 0] = omega
-    design[:, :, 1] = omega * elapsed[:, None]
-    design[:, np.arange(joints), 2 + np.arange(joints)] = 1.0
-    return design
-
-
-def _weights(residual: Floats, omega: Floats, resolution: Floats) -> Floats:
+def _weights(residual: Floats, speed: Floats, resolution: Floats) -> Floats:
     """Inverse variances for an angle noise plus a stamp jitter times speed; a late or stuck row gets none.
 
     The noise is at least that of the counting: below one count per row most residuals are zero, and the few
-        that
-    are not carry all the information.
+    that are not carry all the information. All are (n, K).
     """
     weight = np.empty_like(residual)
-    for joint in range(residual.shape[1]):
-        r, speed2 = residual[:, joint], omega[:, joint] ** 2
+    for joint, r in enumerate(residual):
+        speed2, r2 = speed[joint] ** 2, r**2
         counting = float(resolution[joint]) / np.sqrt(12) if np.isfinite(resolution[joint]) else 0.0
         spread = max(1.4826 * float(np.median(np.abs(r - np.median(r)))), counting, 1e-15)
-        core = np.abs(r) < _OUTLIER_SIGMAS * spread
-        columns = np.stack([np.ones(int(core.sum())), speed2[core]], axis=1)
-        (floor, jitter2), *_ = np.linalg.lstsq(columns, r[core] ** 2, rcond=None)
-        jitter2 = max(float(jitter2), 0.0)
-        floor = max(float(floor), counting**2, 0.02 * float(np.mean(r[core] ** 2)), 1e-30)
-        variance = floor + jitter2 * speed2
-        pull = (r**2 / variance) / _OUTLIER_SIGMAS**2
-        weight[:, joint] = np.where(pull < 1.0, (1.0 - pull) ** 2, 0.0) / variance
+        core = r2 < (_OUTLIER_SIGMAS * spread) ** 2
+        floor, jitter2 = _line(speed2[core], r2[core])
+        floor = max(floor, counting**2, 0.02 * float(np.mean(r2[core])), 1e-30)
+        variance = floor + max(jitter2, 0.0) * speed2
+        pull = r2 / variance / _OUTLIER_SIGMAS**2
+        weight[joint] = np.where(pull < 1.0, (1.0 - pull) ** 2, 0.0) / variance
     return weight
+
+
+def _line(x: Floats, y: Floats) -> tuple[float, float]:
+    """Level at zero and slope of the straight line through y over x, by least squares."""
+    across = x - x.mean()
+    size = float(across @ across)
+    slope = float(across @ y) / size if size > 0.0 else 0.0
+    return float(y.mean()) - slope * float(x.mean()), slope

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from impid_host.clock.lags import Motion, coarse_lags, smallest_step
-from impid_host.clock.refine import Solution, gauss_newton, interpolant_of, refine
+from impid_host.clock.refine import Solution, interpolant_of, polished, refine
 from impid_host.errors import UndeterminedError
 from impid_host.signals.arrays import Floats
 from impid_host.signals.quantiles import student_975
@@ -112,7 +112,8 @@ def match_clocks(
         raise UndeterminedError("fewer than 100 rows in one of the two logs; the clocks cannot be matched")
     device = Motion(t_device_s - t_device_s[0], theta_device)
     robot = Motion(t_robot_s - t_robot_s[0], theta_robot)
-    _require_motion(device, robot)
+    for name, log in (("module", device), ("robot", robot)):
+        _require_motion(name, log)
     if robot.period < _CLEARLY_FASTER * device.period:
         best, resolution = _best_alignment(robot, device)
         fit = _turned(_as_fit(best, resolution, start_s=(float(t_device_s[0]), float(t_robot_s[0]))))
@@ -137,14 +138,7 @@ def _best_alignment(knots: Motion, rows: Motion) -> tuple[Solution, Floats]:
     few = rows.every(max(1, len(rows.t) // _COMPETING_ROWS))
     solutions = [refine(interpolant, few, lag) for lag in coarse_lags(knots, rows)]
     first = _clear_winner([solution for solution in solutions if solution is not None])
-    best = gauss_newton(
-        interpolant,
-        rows,
-        centre=first.centre_robot,
-        half=np.inf,
-        shift=first.centre_device,
-        drift=first.drift,
-    )
+    best = polished(interpolant, rows, first)
     return (first if best is None else best), interpolant.resolution
 
 
@@ -160,7 +154,7 @@ def _as_fit(best: Solution, resolution: Floats, *, start_s: tuple[float, float])
         overlap_s=float(best.rows[-1] - best.rows[0]),
         rows_used=len(best.rows),
         rows_rejected=best.rejected,
-        residual_rms=np.sqrt(np.mean(best.residual**2, axis=0)),
+        residual_rms=np.sqrt(np.mean(best.residual**2, axis=1)),
         angle_offset=best.constants,
     )
 
@@ -176,14 +170,14 @@ def _turned(fit: RobotClockFit) -> RobotClockFit:
     )
 
 
-def _require_motion(device: Motion, robot: Motion) -> None:
-    for name, log in (("module", device), ("robot", robot)):
-        span = np.ptp(log.theta, axis=0)
-        if not np.any(span > 20 * smallest_step(log.theta)):
-            raise UndeterminedError(
-                f"the {name}'s angles hardly move; matching the clocks needs a motion of the joints, "
-                "also check that the encoders are connected"
-            )
+def _require_motion(name: str, log: Motion) -> None:
+    few = log.every(max(1, len(log.t) // _COMPETING_ROWS)).theta
+    if np.any(few.max(axis=0) - few.min(axis=0) > 20 * smallest_step(log.theta)):
+        return
+    raise UndeterminedError(
+        f"the {name}'s angles hardly move; matching the clocks needs a motion of the joints, "
+        "also check that the encoders are connected"
+    )
 
 
 def _clear_winner(solutions: list[Solution]) -> Solution:
@@ -207,17 +201,17 @@ def _clear_winner(solutions: list[Solution]) -> Solution:
 
 def _covariance(best: Solution, resolution: Floats) -> tuple[Floats, float]:
     """Block sandwich: counting errors of a slow motion hang together; at least the counting noise."""
-    scores = np.einsum("kjp,kj->kp", best.design, best.weight * best.residual)
+    scores = best.scores()
     count = int(np.clip((best.rows[-1] - best.rows[0]) / _BLOCK_S, 8, 400))
     edges = np.linspace(best.rows[0], best.rows[-1], count + 1)
     starts = np.searchsorted(best.rows, edges[:-1])
-    total = np.concatenate([np.zeros_like(scores[:1]), np.cumsum(scores, axis=0)])
-    sums = np.diff(total[np.append(starts, len(scores))], axis=0)
+    total = np.concatenate([np.zeros_like(scores[:, :1]), np.cumsum(scores, axis=1)], axis=1)
+    sums = np.diff(total[:, np.append(starts, scores.shape[1])], axis=1)
     normal = best.normal(best.weight)
     parameters = normal.shape[0]
     inverse = np.linalg.inv(normal)
-    covariance = inverse @ (sums.T @ sums) @ inverse * (count / (count - parameters))
+    covariance = inverse @ (sums @ sums.T) @ inverse * (count / (count - parameters))
     counted = np.where(np.isfinite(resolution), resolution, 0.0) ** 2 / 6
-    floor = np.linalg.inv(best.normal((best.weight > 0) / np.maximum(counted, 1e-300)))
+    floor = np.linalg.inv(best.normal((best.weight > 0) / np.maximum(counted, 1e-300)[:, None]))
     stretch = np.sqrt(np.maximum(np.diag(floor) / np.diag(covariance), 1.0))[:2]
     return covariance[:2, :2] * np.outer(stretch, stretch), float(count - parameters)

@@ -6,9 +6,9 @@ Hz.
 """
 
 import numpy as np
-import scipy.signal
 
 from impid_host.impedance.spectral.arrays import Floats
+from impid_host.signals.recursive import butterworth_sections, recursive
 
 VELOCITY_CUTOFF_HZ = 20.0
 
@@ -32,5 +32,4 @@ def measured_velocity(d: Floats, fs: float) -> Floats:
     m/s.
     """
     difference = np.diff(d, axis=0, prepend=d[:1]) * fs
-    b, a = scipy.signal.butter(1, VELOCITY_CUTOFF_HZ, fs=fs)
-    return np.asarray(scipy.signal.lfilter(b, a, difference, axis=0), dtype=np.float64)
+    return recursive(butterworth_sections(1, VELOCITY_CUTOFF_HZ, fs), difference, settled=False)

@@ -9,7 +9,6 @@ Trans. Instrum. Meas. 40 (1991) 982-989 (by minimising norms of rising order).
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.optimize
 
 from impid_host.impedance.spectral.arrays import Floats
 
@@ -138,6 +137,8 @@ def _least_norm_phases(harmonics: Harmonics, amplitude: Floats, phase: Floats) -
     """Phases that minimise the l_p norm for p = 4, 8, ... 256, each from the last: towards the least
     maximum.
     """
+    from scipy.optimize import minimize  # noqa: PLC0415  (a fifth of a second)
+
     count = SAMPLES_PER_FASTEST_CYCLE * int(harmonics.max())
     angle = 2 * np.pi * np.outer(np.arange(count) / count, harmonics)
     best_phase, best_peak = phase, np.inf
@@ -154,9 +155,7 @@ def _least_norm_phases(harmonics: Harmonics, amplitude: Floats, phase: Floats) -
             slope = -(np.sign(x) * np.abs(x) ** (p - 1)) @ np.sin(angle + phi) * amplitude / (peak * total)
             return float(np.log(total) / p), slope
 
-        result = scipy.optimize.minimize(
-            log_norm, best_phase, jac=True, method="L-BFGS-B", options={"maxiter": 100}
-        )
+        result = minimize(log_norm, best_phase, jac=True, method="L-BFGS-B", options={"maxiter": 100})
         found = float(np.max(np.abs(signal(result.x))))
         if found < min(best_peak, peak):
             best_phase, best_peak = np.asarray(result.x), found

@@ -7,10 +7,11 @@ Hz, at 500 Hz; the seed is varied until the axes show low coherence.
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.signal
 
 from impid_host.impedance.spectral.arrays import Floats
+from impid_host.impedance.spectral.transforms import cross_spectra
 from impid_host.impedance.spectral.welch import FINE, WelchSetting
+from impid_host.signals.recursive import butterworth_sections, recursive
 
 FILTER_ORDER = 8
 # The eighth-order filter has forgotten its start after this long (its slowest pole decays in 0.06 s).
@@ -60,9 +61,8 @@ def filtered_noise(seed: int, samples: int, fs: float = 500.0, cutoff_Hz: float 
         cutoff_Hz: of the eighth-order Butterworth filter; [P] chose 15 to exceed the arm's 2 to 3 Hz.
     """
     warm_up = round(WARM_UP_S * fs)
-    uniform = np.random.default_rng(seed).uniform(-1.0, 1.0, samples + warm_up)
-    sos = scipy.signal.butter(FILTER_ORDER, cutoff_Hz, fs=fs, output="sos")
-    x = np.asarray(scipy.signal.sosfilt(sos, uniform), dtype=np.float64)[warm_up:]
+    noise = np.random.default_rng(seed).uniform(-1.0, 1.0, (samples + warm_up, 1))
+    x = recursive(butterworth_sections(FILTER_ORDER, cutoff_Hz, fs), noise, settled=False)[warm_up:, 0]
     x -= x.mean()
     return np.asarray(x / np.sqrt(np.mean(x**2)))
 
@@ -76,20 +76,8 @@ def pairwise_coherence(signals: Floats, fs: float, upper_Hz: float, setting: Wel
     Returns:
         Shape (m, m), symmetric, ones on the diagonal.
     """
-    frequency, _, segments = scipy.signal.spectrogram(
-        signals,
-        fs=fs,
-        window="hann",
-        nperseg=setting.n_window,
-        noverlap=setting.n_overlap,
-        nfft=setting.n_fft,
-        detrend="constant",
-        mode="complex",
-        axis=0,
-    )
-    band = (frequency > 0) & (frequency <= upper_Hz)
-    X = segments[band]
-    cross = np.einsum("fas,fbs->fab", X, np.conj(X), optimize=True)
+    frequency, cross = cross_spectra(signals, signals, fs, setting)
+    cross = cross[(frequency > 0) & (frequency <= upper_Hz)]
     power = np.einsum("faa->fa", cross).real
     coherence = np.abs(cross) ** 2 / (power[:, :, np.newaxis] * power[:, np.newaxis, :])
     return np.asarray(coherence.mean(axis=0))

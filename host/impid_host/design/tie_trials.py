@@ -4,7 +4,6 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from impid_host.design.divergence import Member, least_added
 from impid_host.design.tie_file import OpenQuestions
@@ -27,6 +26,7 @@ from impid_host.diagnosis.rows import rows_of
 from impid_host.diagnosis.search import RULES
 from impid_host.effects.view import View, with_motion
 from impid_host.signals.arrays import Floats
+from impid_host.signals.spline import Spline
 from impid_host.study.model import Study
 
 _SURE_SIGMAS = 1.645  # one-sided 95 %
@@ -232,9 +232,9 @@ def _moved(template: View, motion: Motion) -> View:
         if isinstance(value := getattr(template, field.name), np.ndarray)
         and value.shape[:1] == template.t.shape
     }
-    t = template.dt * np.arange(count)
+    t: Floats = (template.dt * np.arange(count)).astype(np.float64)
     view = replace(template, **arrays | {"t": t, "valid": np.ones(count, dtype=bool)}, memo={}, response=None)
     theta, omega, acc = (
-        CubicSpline(motion.t, block, axis=0)(t) for block in (motion.theta, motion.omega, motion.theta_dd)
+        Spline(motion.t, block)(t) for block in (motion.theta, motion.omega, motion.theta_dd)
     )
     return with_motion(view, theta, omega, acc)

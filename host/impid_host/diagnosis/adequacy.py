@@ -22,23 +22,35 @@ _FREQUENCIES = 2048
 
 
 def believable(table: Table, named: Sequence[int], report_hz: float) -> list[int]:
-    """The named slots that took away `RULES.takes` times what all names leave, where they show most.
+    """The named slots that took away `RULES.takes` times what the names leave, where they show most.
 
-    Where more is left there, the name is only what the structure resembles. Structures without a name stay
-    out of this: what they take up is left, and a flexible one would take up a name's own part with it.
+    Where more is left there, the name is only what the structure resembles. What it took up is left then, and
+    the others are asked again. Structures without a name stay out of this: what they take up is left, and a
+    flexible one would take up a name's own part with it.
 
     Args:
         report_hz: the highest frequency that is reported.
     """
+    kept = list(named)
+    while True:
+        stand = [
+            s
+            for s in kept
+            if _in_angles(table, s) or _taken_over_left(table, kept, s, report_hz) >= RULES.takes
+        ]
+        if stand == kept:
+            return kept
+        kept = stand
+
+
+def _taken_over_left(table: Table, named: Sequence[int], s: int, report_hz: float) -> float:
+    """What a name takes away over what all leave, in the channel where it shows most."""
     left = excess(table, named, report_hz)
-    kept = []
-    for s in named:
-        without = excess(table, [o for o in named if o != s], report_hz)
-        taken = {key: without[key] - left[key] for key in left}
-        shown = max(taken, key=lambda key: taken[key]) if taken else None
-        if shown is None or _in_angles(table, s) or taken[shown] >= RULES.takes * left[shown]:
-            kept.append(s)
-    return kept
+    without = excess(table, [o for o in named if o != s], report_hz)
+    shown = max(left, key=lambda key: without[key] - left[key], default=None)
+    if shown is None:
+        return np.inf
+    return (without[shown] - left[shown]) / max(left[shown], 1e-9)
 
 
 def excess(table: Table, slots: Sequence[int], report_hz: float) -> dict[Key, float]:

@@ -19,6 +19,7 @@ from impid_host.effects.bounds import possible
 from impid_host.effects.catalogue import CATALOGUE, telling_trial
 
 _MATERIAL = 0.005  # of a matrix's largest entry: nobody would report a difference below
+_PREFERRED = 2 * RULES.close_nats  # of the deviance: below, the search's own choice is as good
 _INSTRUMENTS = ("actuator", "sensor", "clock")
 
 
@@ -42,15 +43,18 @@ def exactly_compared(
 ) -> tuple[Choice, dict[int, Chosen], Refit]:
     """Each name exchanged for a rival alike to first order, where the exact refits prefer the rival."""
     kept = dict(named)
+    no_cause = {part.term.label for part, _ in choice.resembled}
     for own in rivals(choice.walk, choice.best):
         if own.slot not in kept:
             continue
         best, slot, part = fit, own.slot, kept[own.slot]
         for rival in own.others:
             tried = _as_chosen(choice, own.slot, rival)
+            if tried.term.label in no_cause:
+                continue
             other = bench.fit([tried if s == own.slot else p for s, p in kept.items()])
             fewer = tried.term.parameters <= part.term.parameters
-            if fewer and other.deviance < best.deviance - 1.0 and _stands(other):
+            if fewer and other.deviance < best.deviance - _PREFERRED and _stands(other):
                 best, slot, part = other, rival, tried
         if slot != own.slot:
             kept = {slot if s == own.slot else s: part if s == own.slot else p for s, p in kept.items()}

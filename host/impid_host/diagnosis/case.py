@@ -8,7 +8,7 @@ import numpy as np
 
 from impid_host.diagnosis.base import Base, base_of, lacking, structure_of
 from impid_host.diagnosis.holdout import FIFTH, FIT, Holdout, hold_out, settled
-from impid_host.diagnosis.noise import Noise, noise_models, tail_of, whitened
+from impid_host.diagnosis.noise import Noise, Rich, noise_models, tail_of, whitened
 from impid_host.diagnosis.oddities import Oddity
 from impid_host.diagnosis.prepare import setting_of, views
 from impid_host.diagnosis.reference import reference_run
@@ -113,10 +113,7 @@ def tabulated(case: Case, noise: Noise | None = None, progress: Progress = silen
     used = case.fit_views
     slots = slots_of([*lacking(case.base, terms(case.setting)), *structures(used, case.setting)])
     raw = _evaluated(case, used, slots, progress)
-    rows = sum(len(run.target) for run in raw if run.key == ("torque", 0))
-    taps = (
-        noise.taps if noise is not None else noise_models(raw, columns_of(saturated(case.base, slots, rows)))
-    )
+    taps = noise.taps if noise is not None else noise_models(raw, _rich(case, slots, raw))
 
     def make(fresh: Sequence[Slot]) -> list[Run]:
         runs = [run for view in used for run in rows_of(view, None, fresh, case.holdout)]
@@ -127,7 +124,8 @@ def tabulated(case: Case, noise: Noise | None = None, progress: Progress = silen
         white += whitened([raw.pop(0)], taps)
     white = _with_references(case, white)
     plain = Noise(taps, dict.fromkeys([*taps, (REFERENCE, 0)], 1e4))
-    table = table_of(white, slots, noise or plain, make)
+    loaded = frozenset(case.setting.loaded) if case.setting.both else frozenset()
+    table = table_of(white, slots, noise or plain, make, loaded)
     return table if noise is not None else replace(table, noise=Noise(taps, _tails(table)))
 
 
@@ -147,6 +145,22 @@ def _evaluated(case: Case, used: Sequence[View], slots: Sequence[Slot], progress
 
 def _with_references(case: Case, runs: list[Run]) -> list[Run]:
     return runs if case.references is None else [*runs, case.references]
+
+
+def _rich(case: Case, slots: Sequence[Slot], runs: Sequence[Run]) -> list[Rich]:
+    """Regressions that leave noise: one for all trials, one for each kind of trials, one for each trial."""
+    rows: dict[str, int] = {}
+    for run in runs:
+        if run.key == ("torque", 0):
+            rows[run.trial] = rows.get(run.trial, 0) + len(run.target)
+    loaded = frozenset(rows) & frozenset(case.setting.loaded)
+    kinds = [names for names in (loaded, frozenset(rows) - loaded) if names]
+    each = [frozenset([name]) for name in rows]
+    ways = dict.fromkeys(tuple(own) for own in ([frozenset(rows)], kinds, each))
+    return [
+        Rich(columns_of(saturated(case.base, slots, min(sum(rows[n] for n in own) for own in way))), way)
+        for way in ways
+    ]
 
 
 def saturated(base: Base, slots: Sequence[Slot], rows: int) -> list[Slot]:

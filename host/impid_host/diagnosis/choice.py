@@ -54,7 +54,7 @@ def chosen(case: Case, progress: Progress = silent) -> Choice:
     """The explanation that the fit part supports."""
     table = tabulated(case, progress=progress)
     progress("searching", 0.7)
-    found = search(table, sometimes=case.setting.both)
+    found = search(table)
     pushed = events(
         found.table.runs, residuals(found.table, found.table.columns(found.best.slots)), case.views
     )
@@ -64,7 +64,7 @@ def chosen(case: Case, progress: Progress = silent) -> Choice:
         holdout = replace(case.holdout, left_out=out)
         case = replace(case, holdout=holdout)
         case = replace(case, views=tuple(informed(case.views, case.base, holdout)))
-        found = search(tabulated(case), sometimes=case.setting.both)
+        found = search(tabulated(case))
     found = _sharpened(case, _above_its_noise(case, found))
     return _adequate(case, found, tuple(pushed))
 
@@ -80,7 +80,7 @@ def _above_its_noise(case: Case, found: Found) -> Found:
     if not named or min(left.values(), default=0.0) > _BELOW:
         return found
     noise = tabulated(_without(case, found, named)[1]).noise
-    return search(tabulated(case, noise), sometimes=case.setting.both)
+    return search(tabulated(case, noise))
 
 
 def _without(case: Case, found: Found, slots: Sequence[int]) -> tuple[Refit, Case]:
@@ -106,7 +106,7 @@ def _sharpened(case: Case, found: Found) -> Found:
             # What is left to the effect once it is taken out is a small correction, of either sign.
             table = table.with_shapes(_ungated(part.term), [part.shape])
             given.append(len(table.slots) - 1)
-        again = search(table, given, sometimes=case.setting.both)
+        again = search(table, given)
         slots = [*fit.chosen, *chosen_slots(again.table, again.best)]
         merged = _in_table(found, slots)
         if _names(found.walk, merged.best) == _names(found.walk, found.best):
@@ -123,7 +123,7 @@ def _is_large(found: Found, s: int) -> bool:
     table = found.table
     rest = table.columns([o for o in found.best.slots if o != s])
     per_channel = table.rows / max(len({run.key for run in table.runs}), 1)
-    return table.term(s).named and swept(table.G, rest).drop(table.slots[s].columns) > _LARGE * per_channel
+    return table.term(s).named and swept(table, rest).drop(table.slots[s].columns) > _LARGE * per_channel
 
 
 def _in_table(found: Found, parts: Sequence[Chosen]) -> Found:
@@ -192,7 +192,7 @@ def evidence_of(choice: Choice, before: Sequence[int], s: int) -> Evidence:
     """
     table, walk = choice.table, choice.walk
     columns = table.columns(before)
-    open_part = swept(table.G, columns)
+    open_part = swept(table, columns)
     above = max(open_part.left - table.rows, 1.0)
     less = open_part.drop(table.slots[s].columns)
     rest = walk.score(tuple(o for o in choice.best.slots if o != s))

@@ -16,7 +16,7 @@ Place = tuple[str, tuple[str, ...]]
 
 # A logistic map of the weights' log-odds; not calibrated yet (docs/diagnosis.md).
 _LEVEL, _SLOPE = 1.6, 0.6
-_SUREST = 0.995
+_SUREST = 0.98
 
 
 def weights(explanations: Sequence[Explanation]) -> np.ndarray:

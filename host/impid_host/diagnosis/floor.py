@@ -12,7 +12,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy import signal
+from scipy import linalg, signal
 
 from impid_host.diagnosis.base import Base
 from impid_host.diagnosis.case import Case
@@ -185,8 +185,10 @@ def noise_series(parts: Sequence[Floats], held: Mask) -> list[Floats]:
         return [part[:, 0] for part in parts]
     size = np.linalg.norm(stacked[:, 1:], axis=0)
     used = 1 + np.flatnonzero(size > 1e-12 * size.max(initial=0.0))
-    U, s, _ = np.linalg.svd(stacked[:, used] / size[used - 1], full_matrices=False)
-    U = U[:, s > 1e-7 * s[0]]
+    # By QR: a singular value decomposition of columns that are nearly alike need not converge.
+    U, R, _ = linalg.qr(stacked[:, used] / size[used - 1], mode="economic", pivoting=True, check_finite=False)
+    pivots = np.abs(np.diag(R))
+    U = U[:, pivots > 1e-7 * pivots[0]]
     free = 1.0 - np.sum(U[held] ** 2, axis=1)
     if np.sum(free) < max(FREE, 0.5 * len(free)):
         # Columns that take more than they leave take slow noise whole, and its colour with it.

@@ -12,7 +12,7 @@ from impid_host.diagnosis.shapes import structures
 from impid_host.diagnosis.table import Table, residuals
 from impid_host.diagnosis.unsteady import unsteady
 from impid_host.diagnosis.wander import wandering
-from impid_host.effects.structure import channel_name
+from impid_host.effects.unnamed import channel_name
 from impid_host.effects.view import View
 
 

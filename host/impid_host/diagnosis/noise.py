@@ -30,22 +30,72 @@ class Noise:
     tails: Mapping[Key, float]
 
 
-def noise_models(runs: Sequence[Run], columns: Index) -> Taps:
-    """Whitening taps per channel from the residual of a regression on base and the given columns of terms."""
+@dataclass(frozen=True, slots=True)
+class Rich:
+    """A regression rich enough to leave nothing but noise.
+
+    Attributes:
+        columns: of terms, beside the base model; together: trials of one set have the same coefficients.
+    """
+
+    columns: Index
+    together: tuple[frozenset[str], ...]
+
+
+def noise_models(runs: Sequence[Run], tried: Sequence[Rich]) -> Taps:
+    """Whitening taps per channel from what is left by the best of several rich regressions, by AICc.
+
+    Where an effect is in some trials only, one set of coefficients for all leaves it in the noise; where it
+    is in all, more sets take noise for signal.
+    """
     taps: dict[Key, Floats] = {}
     for key in sorted({run.key for run in runs}):
         own = [run for run in runs if run.key == key]
-        wanted = columns[np.isin(columns, np.concatenate([run.used for run in own]))]
         target = np.concatenate([run.target for run in own])
-        # A joint without a drive: any parameters of zero fit it, and what it lacks is told by the others.
-        driven = bool(target.any())
-        target = target if driven else _by_all(runs, own)
-        residual, width = _left_by(own, wanted, target) if driven else (target, 0)
-        lost = min(width, len(target) // 2)
-        inflate = np.sqrt(len(target) / max(len(target) - lost, 1))
+        if target.any():
+            left = min((_left(own, rich) for rich in tried), key=lambda found: found.aicc)
+            residual = left.residual * np.sqrt(left.spare)
+        else:
+            # A joint without a drive: any parameters of zero fit it, and what it lacks is told by the others.
+            residual = _by_all(runs, own)
         cuts = np.cumsum([len(run.target) for run in own])[:-1]
-        taps[key] = autoregression(np.split(residual * inflate, cuts))
+        taps[key] = autoregression(np.split(residual, cuts))
     return taps
+
+
+@dataclass(frozen=True, slots=True)
+class _Left:
+    """What a rich regression leaves of a channel, (N,).
+
+    Attributes:
+        spare: number of rows over those that its parameters leave free.
+    """
+
+    residual: Floats
+    spare: float
+    aicc: float
+
+
+def _left(runs: Sequence[Run], rich: Rich) -> _Left:
+    wanted = rich.columns[np.isin(rich.columns, np.concatenate([run.used for run in runs]))]
+    parts: dict[int, Floats] = {}
+    width = 0
+    for names in rich.together:
+        own = [k for k, run in enumerate(runs) if run.trial in names]
+        if not own:
+            continue
+        some = [runs[k] for k in own]
+        residual, more = _left_by(some, wanted, np.concatenate([run.target for run in some]))
+        width += more
+        cuts = np.cumsum([len(run.target) for run in some])[:-1]
+        parts |= dict(zip(own, np.split(residual, cuts), strict=True))
+    residual = np.concatenate([parts[k] for k in range(len(runs))])
+    count = len(residual)
+    variance = max(float(residual @ residual) / count, 1e-300)
+    aicc = count * np.log(variance) + 2.0 * (width + 1) * count / max(count - width - 2, 1)
+    # Columns that take more than they leave take slow noise whole.
+    spare = count / (count - min(width, count // 2))
+    return _Left(residual, spare, aicc if 2 * width < count else np.inf)
 
 
 def _left_by(runs: Sequence[Run], wanted: Index, target: Floats) -> tuple[Floats, int]:

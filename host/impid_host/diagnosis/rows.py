@@ -16,6 +16,7 @@ from impid_host.signals.arrays import Floats, Mask
 from impid_host.signals.filters import FiniteResponse
 
 _EDGE_S = 0.5
+_MOST_PARTS = 12  # of columns that came later; beyond, they are put side by side
 REFERENCE = "reference"
 Index = NDArray[np.intp]
 Key = tuple[str, int]
@@ -80,6 +81,19 @@ class Run:
     def parts(self) -> tuple[tuple[Index, NDArray[np.float32]], ...]:
         """Numbers and values of all columns that are not zero here."""
         return ((self.used, self.design), *self.further)
+
+    def with_columns(self, used: Index, design: NDArray[np.float32]) -> "Run":
+        """With columns behind all others, (k,) and (N, k)."""
+        if len(used) == 0:
+            return self
+        parts = (*self.further, (used, design))
+        if len(parts) > _MOST_PARTS:
+            joined = (
+                np.concatenate([own for own, _ in parts]),
+                np.concatenate([own for _, own in parts], axis=1),
+            )
+            parts = (joined,)
+        return replace(self, further=parts)
 
     def has(self, wanted: Index) -> bool:
         """Whether any of the wanted columns is not zero here."""

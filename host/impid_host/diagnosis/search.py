@@ -14,8 +14,8 @@ import numpy as np
 from impid_host.diagnosis.rows import Key
 from impid_host.diagnosis.score import Explanation, Scorer, difference
 from impid_host.diagnosis.table import Table, residuals, swept
-from impid_host.effects.bounds import negligible, of_machine, possible
-from impid_host.effects.effect import Kind
+from impid_host.effects.bounds import anywhere, negligible, possible
+from impid_host.effects.effect import Kind, Term, When
 from impid_host.signals.arrays import Floats
 
 
@@ -78,16 +78,9 @@ class Found:
         return tuple(self.walk.visited.values())
 
 
-def search(
-    table: Table, given: Sequence[int] = (), rules: Rules = RULES, *, sometimes: bool = False
-) -> Found:
-    """Search from the base model with the `given` slots, which stay in whatever happens.
-
-    Args:
-        sometimes: there are free and loaded trials, so that an effect of the machine may be in some of
-        them only.
-    """
-    walk = Walk(table, tuple(given), rules, sometimes=sometimes)
+def search(table: Table, given: Sequence[int] = (), rules: Rules = RULES) -> Found:
+    """Search from the base model with the `given` slots, which stay in whatever happens."""
+    walk = Walk(table, tuple(given), rules)
     beam = [walk.score(())]
     for _ in range(rules.most):
         grown = [walk.simplified(new) for old in beam for new in walk.grown(old)]
@@ -118,12 +111,12 @@ class Walk:
     table: Table
     given: tuple[int, ...]
     rules: Rules
-    sometimes: bool = False
 
     def __post_init__(self) -> None:
         self.visited: dict[tuple[int, ...], Explanation] = {}
         self._scorer = Scorer(self.table)
         self.known_shapes: dict[tuple[int, ...], tuple[int, ...]] = {}
+        self._whole: dict[Kind, Term] = {}  # of a term in some trials only: the term in all
 
     def score(self, slots: Sequence[int]) -> Explanation:
         """The set beside those given, scored once."""
@@ -175,14 +168,26 @@ class Walk:
         return self.simplified(best)
 
     def _partial(self, s: int) -> list[int]:
-        """The same effect of the machine in free trials only, and under load only."""
-        slot = self.table.slots[s]
-        if not (self.sometimes and slot.term.when == "all" and of_machine(slot.term)):
+        """The same effect of the machine in other trials: all, free ones only, or those under load only."""
+        term = self.table.term(s)
+        whole = self._whole.get(term.kind, term)
+        if not anywhere(whole):
             return []
-        first = len(self.table.slots)
-        for when in ("free", "load"):
-            self.table = self.table.with_shapes(replace(slot.term, when=when), [slot.shape])
-        return list(range(first, first + 2))
+        return [self._in_trials(s, when) for when in ("all", *self.table.parts) if when != term.when]
+
+    def _in_trials(self, s: int, when: When) -> int:
+        """The slot's term at its shape in trials of one kind only, or in all."""
+        slot = self.table.slots[s]
+        own = self._whole.get(slot.term.kind, slot.term)
+        if when == own.when:
+            slots = [k for k, other in enumerate(self.table.slots) if other.term is own]
+            return min(slots, key=lambda k: abs(self.table.slots[k].shape - slot.shape))
+        wanted = (*own.kind[:3], when)
+        if wanted not in self._whole:
+            self.table = self.table.only_in(own, when)
+            self._whole[wanted] = own
+        same = [k for k, other in enumerate(self.table.slots) if other.term.kind == wanted]
+        return min(same, key=lambda k: abs(self.table.slots[k].shape - slot.shape))
 
     def simplest(self, best: Explanation) -> Explanation:
         """Of all that is not clearly worse than the best, the simplest; names before unnamed structures."""
@@ -193,9 +198,15 @@ class Walk:
         ]
         return min(close or [best], key=lambda own: (*self._plainness(own), -own.total))
 
-    def _plainness(self, own: Explanation) -> tuple[int, int]:
+    def _plainness(self, own: Explanation) -> tuple[int, int, int, int]:
+        """Structures without a name, causes, parameters, and what is claimed of some trials only."""
         terms = [self.table.term(s) for s in own.slots]
-        return (sum(not term.named for term in terms), sum(term.parameters for term in terms))
+        return (
+            sum(not term.named for term in terms),
+            len({term.effect for term in terms}),
+            sum(term.parameters for term in terms),
+            sum(term.when != "all" for term in terms),
+        )
 
     def is_possible(self, own: Explanation) -> bool:
         """Every name has parameters within its bounds when all are fitted together."""
@@ -231,26 +242,31 @@ class Walk:
         """
         taken = {_place(self.table, s) for s in (*self.given, *old.slots)}
         active = (*self.given, *old.slots)
-        left = swept(self.table.G, self.table.columns(active))
+        whens: tuple[When, ...] = ("all", *(when for when in self.table.parts if when != "all"))
+        left = {when: swept(self.table, self.table.columns(active), when) for when in whens}
         penalty = np.log(max(self.table.rows, 2))
-        scored = []
+        scored: list[tuple[float, int, When]] = []
         for s, slot in enumerate(self.table.slots):
             if _place(self.table, s) in taken:
                 continue
-            score = 0.5 * (left.drop(slot.columns) - penalty * slot.term.parameters)
+            own = whens if anywhere(slot.term) else whens[:1]
+            drops = {when: left[when].drop(slot.columns) for when in own}
+            # In all trials is the simpler claim.
+            when = max(own, key=lambda when: drops[when] + (2 * self.rules.nats if when == "all" else 0.0))
+            score = 0.5 * (drops[when] - penalty * slot.term.parameters)
             if score > 0:
-                scored.append((score, s))
+                scored.append((score, s, when))
         result: dict[int, bool] = {}
         seen: set[Kind] = set()
         room = {True: self.rules.contenders, False: self.rules.contenders // 2}
-        top = max(scored, default=(0.0, 0))[0]
-        for score, s in sorted(scored, reverse=True):
+        top = max(scored, default=(0.0, 0, "all"))[0]
+        for score, s, when in sorted(scored, reverse=True):
             term = self.table.term(s)
             if term.kind in seen or room[term.named] == 0:
                 continue
             seen.add(term.kind)
             room[term.named] -= 1
-            result[s] = score > _WORTH_REFINING * top
+            result[s if when == "all" else self._in_trials(s, when)] = score > _WORTH_REFINING * top
         return result
 
     def refined(self, slots: Sequence[int]) -> tuple[int, ...]:
@@ -291,7 +307,7 @@ def refined_one(table: Table, rest: Sequence[int], s: int) -> tuple[Table, int]:
     term = table.term(s)
 
     def best_of(table: Table) -> int:
-        left = swept(table.G, table.columns(rest))
+        left = swept(table, table.columns(rest))
         own = [k for k, slot in enumerate(table.slots) if slot.term is term]
         return max(own, key=lambda k: left.drop(table.slots[k].columns))
 

@@ -4,11 +4,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from impid_host.diagnosis.odd_shapes import ODD_MACHINE, of_machine
 from impid_host.diagnosis.result import Structure
 from impid_host.diagnosis.rows import Slot
 from impid_host.diagnosis.table import Table, residuals, solve, swept
 from impid_host.effects.response import NODES_HZ, RESPONSE
-from impid_host.effects.structure import EACH, curve_basis, pull, values_of
+from impid_host.effects.structure import EACH, course_basis, curve_basis, values_of
 from impid_host.effects.view import View
 from impid_host.signals.arrays import Floats
 
@@ -42,17 +43,14 @@ def _shape(slot: Slot, share: float, beta: Floats, covariance: Floats, views: Se
         return Structure(variable, on, share, _NOTHING, _NOTHING, sentence)
     if variant.startswith(RESPONSE):
         return _response(slot, share, beta, covariance, views)
-    if variant == EACH:
+    if variant in ODD_MACHINE:
+        return of_machine(slot, share, beta, covariance, views)
+    if variant.startswith(EACH):
         return _gain(on, share, beta, covariance, views)
-    if variable == "direction":
-        values = np.concatenate([pull(view)[view.valid] for view in views])
-        grid = np.linspace(0.0, float(np.percentile(values, 99.5)), 41)
-        basis = grid[:, None]
-    else:
-        values = np.concatenate([values_of(view, variable)[view.valid] for view in views])
-        low, high = np.percentile(values, [0.2, 99.8])
-        grid = np.linspace(low, high, 41)
-        basis = curve_basis(grid, float(low), float(high), len(beta))
+    values = np.concatenate([values_of(view, variable)[view.valid] for view in views])
+    low, high = np.percentile(values, [0.2, 99.8])
+    grid = np.linspace(low, high, 41)
+    basis = curve_basis(grid, float(low), float(high), len(beta))
     curve = basis @ beta
     half = 1.96 * np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", basis, covariance, basis), 0))
     factor = variant.split(" times ")[0] if " times " in variant else ""
@@ -62,7 +60,7 @@ def _shape(slot: Slot, share: float, beta: Floats, covariance: Floats, views: Se
         share=share,
         curve=np.stack([grid, curve], axis=1),
         band=np.stack([curve - half, curve + half], axis=1),
-        words=words(variable, on, grid, curve, factor, variant),
+        words=words(variable, on, grid, curve, factor),
     )
 
 
@@ -73,7 +71,7 @@ def _gain(on: str, share: float, beta: Floats, covariance: Floats, views: Sequen
     most = int(np.argmax(spans))
     own = slice(size * most, size * (most + 1))
     grid = np.linspace(0.0, float(views[most].t[-1]), 41)
-    basis = curve_basis(grid, 0.0, float(grid[-1]), size)
+    basis = course_basis(grid, size)
     curve = basis @ beta[own]
     half = 1.96 * np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", basis, covariance[own, own], basis), 0))
     sentence = (
@@ -105,15 +103,13 @@ def _response(slot: Slot, share: float, beta: Floats, covariance: Floats, views:
     return Structure("frequency", on, share, curve, band, sentence)
 
 
-def words(variable: str, on: str, grid: Floats, curve: Floats, factor: str, of: str = "") -> str:
+def words(variable: str, on: str, grid: Floats, curve: Floats, factor: str) -> str:
     """The curve in a sentence."""
     level = np.median(curve)
     peak = int(np.argmax(np.abs(curve - level)))
     high = np.abs(curve - level) > 0.5 * np.abs(curve[peak] - level)
     width = float(np.ptp(grid[high])) if high.any() else 0.0
     narrow = width < 0.3 * np.ptp(grid)
-    if variable == "direction":
-        return f"{on} has dry friction that changes by {np.ptp(curve):.2g} N m with the {of}"
     times = f", multiplied by the {factor}{' of motion' if factor != 'torque' else ''}" if factor else ""
     if narrow:
         return f"narrow bump of {on} near {variable} = {grid[peak]:.3g}, about {width:.2g} wide{times}"
@@ -123,7 +119,7 @@ def words(variable: str, on: str, grid: Floats, curve: Floats, factor: str, of: 
 def _share(table: Table, rest: Sequence[int], s: int) -> float:
     """Part of what is left in the channel that the slot explains."""
     columns = table.columns(rest)
-    less = swept(table.G, columns).drop(table.slots[s].columns)
+    less = swept(table, columns).drop(table.slots[s].columns)
     keys = {run.key for run in table.runs if run.has(table.columns([s]))}
     left = sum(
         float(r @ r) for run, r in zip(table.runs, residuals(table, columns), strict=True) if run.key in keys

@@ -157,11 +157,11 @@ def _together(several: Sequence[Evidence]) -> Evidence:
 
 def unattributed(on: Sequence[str], curves: Sequence[Chosen], evidence: Evidence) -> Finding:
     """What has no known cause, on the given channels."""
-    places = sorted({_place(name) for name in on})
+    places = sorted({_place(name) for several in on for name in several.split("+")})
     return Finding(UNATTRIBUTED, tuple(places) or ("sensor",), tuple(curves), {}, evidence, carries="record")
 
 
 def _place(channel: str) -> str:
-    if channel.startswith("tau"):
-        return f"joint{channel[3:]}"
+    if channel.startswith(("tau", "theta")):
+        return f"joint{channel.removeprefix('tau').removeprefix('theta')}"
     return "sensor" if channel.startswith(("acc_", "fs")) else "load"

@@ -4,21 +4,23 @@ Sums over all rows come from one Gram matrix, blocks of two seconds from their o
 that are asked for. Nothing here knows what a column means.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence, Set
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy import linalg
 
 from impid_host.diagnosis.noise import BLOCK_S, Noise
 from impid_host.diagnosis.rows import Index, Key, Run, Slot, slots_of
-from impid_host.effects.effect import Term
+from impid_host.effects.effect import Term, When
 from impid_host.signals.arrays import Floats
 
 _RIDGE = 1e-11
 _SPANNED = 1e-7  # of a column's own power: less is rounding, and the model has it already
 _SPARE = 160  # columns
 Maker = Callable[[Sequence[Slot]], list[Run]]
+Columns = tuple[Index, NDArray[np.float32]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,7 +60,8 @@ class Room:
     @classmethod
     def of(cls, size: int) -> "Room":
         """Zeros, (size, size) of them to be filled."""
-        return cls(np.zeros((size + _SPARE, size + _SPARE)), size)
+        room = size + max(_SPARE, size // 2)  # memory that nobody writes to is none
+        return cls(np.zeros((room, room)), size)
 
     def grown(self, G: Floats, size: int) -> "tuple[Floats, Room]":
         """G within (size, size), zeros beyond it."""
@@ -68,6 +71,20 @@ class Room:
             room.whole[: len(G), : len(G)] = G
         room.filled = size
         return room.whole[:size, :size], room
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """Sums over the trials of one kind alone: what a term would do that acts in no other.
+
+    Attributes:
+        sums: products of [target | columns of the slots], with the base model in them, (1 + K, 1 + K).
+        onto: products of the base's directions with them, (P, 1 + K).
+    """
+
+    sums: Floats
+    onto: Floats
+    room: Room = field(repr=False)
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,6 +98,8 @@ class Table:
         slots: terms at their shapes.
         make: whitened runs of further slots on the same rows.
         room: where G lies.
+        loaded: trials under load, where there are others beside them; empty where all are alike.
+        parts: sums over free and over loaded trials, or over "all" where they are alike.
     """
 
     runs: tuple[Run, ...]
@@ -89,7 +108,9 @@ class Table:
     units: Units
     noise: Noise
     make: Maker = field(repr=False)
-    room: "Room" = field(repr=False)
+    room: Room = field(repr=False)
+    loaded: Set[str]
+    parts: Mapping[When, Part] = field(repr=False)
 
     @property
     def rows(self) -> int:
@@ -107,31 +128,76 @@ class Table:
 
     def with_shapes(self, term: Term, shapes: Sequence[float]) -> "Table":
         """The table with the term's columns at further shapes behind the others."""
-        fresh = [
-            replace(slot, term=term)
-            for slot in slots_of([replace(term, shapes=tuple(shapes))], len(self.G) - 1)
-        ]
+        fresh = self._behind(replace(term, shapes=tuple(shapes)), term)
         made = self.make(fresh)
+        return self._with_columns(fresh, [(new.used, new.design) for new in made])
+
+    def only_in(self, term: Term, when: When) -> "Table":
+        """The table with the term at all its shapes again behind the others, in trials of one kind only."""
+        own = [slot for slot in self.slots if slot.term is term]
+        fresh = self._behind(
+            replace(term, shapes=tuple(slot.shape for slot in own)), replace(term, when=when)
+        )
+        wanted = np.concatenate([np.arange(slot.columns.start, slot.columns.stop) for slot in own])
+        places = np.arange(fresh[0].columns.start, fresh[-1].columns.stop)
+        none = (places[:0], np.zeros((0, 0), dtype=np.float32))
+        made = [
+            (places, run.columns(wanted).astype(np.float32))
+            if when_of(run.trial, self.loaded) == when and run.has(wanted)
+            else (none[0], np.zeros((len(run.target), 0), dtype=np.float32))
+            for run in self.runs
+        ]
+        return self._with_columns(fresh, made)
+
+    def _behind(self, shaped: Term, term: Term) -> list[Slot]:
+        return [replace(slot, term=term) for slot in slots_of([shaped], len(self.G) - 1)]
+
+    def _with_columns(self, fresh: Sequence[Slot], made: Sequence[Columns]) -> "Table":
         first, last = len(self.G), 1 + fresh[-1].columns.stop
-        G, room = self.room.grown(self.G, last)
         added = np.arange(first, last)
-        B = np.zeros((self.runs[0].base.shape[1], last - first))
-        for run, new in zip(self.runs, made, strict=True):
-            B += run.base.T @ new.columns(added - 1)
+        fields: dict[When, tuple[Floats, Floats, Room]] = {}
+        for when, part in self.parts.items():
+            sums, room = part.room.grown(part.sums, last)
+            onto = np.concatenate([part.onto, np.zeros((len(part.onto), last - first))], axis=1)
+            fields[when] = (sums, onto, room)
         runs = []
         for run, new in zip(self.runs, made, strict=True):
-            own = new.columns(added - 1) - run.base @ B
-            G[0, first:] += run.target @ own
+            runs.append(run.with_columns(*new))
+            if len(new[0]) == 0:
+                continue
+            own = replace(run, used=new[0], design=new[1], further=()).columns(added - 1)
+            sums, onto, _ = fields[when_of(run.trial, self.loaded)]
+            sums[0, first:] += run.target @ own
+            onto[:, first:] += run.base.T @ own
             for used, design in run.parts:
-                G[np.ix_(1 + used, added)] += design.T @ own
-            G[first:, first:] += own.T @ own
-            runs.append(replace(run, further=(*run.further, (new.used, new.design))))
+                sums[np.ix_(1 + used, added)] += design.T @ own
+            sums[first:, first:] += own.T @ own
+        parts = {}
+        for when, (sums, onto, room) in fields.items():
+            sums[first:, :first] = sums[:first, first:].T
+            parts[when] = Part(sums, onto, room)
+        G, room = self.room.grown(self.G, last)
+        X = _onto(parts)
+        G[:, first:] = np.sum([part.sums[:, first:] for part in parts.values()], axis=0) - X.T @ X[:, first:]
         G[first:, :first] = G[:first, first:].T
-        return replace(self, runs=tuple(runs), G=G, slots=(*self.slots, *fresh), room=room)
+        return replace(self, runs=tuple(runs), G=G, slots=(*self.slots, *fresh), room=room, parts=parts)
 
 
-def table_of(runs: Sequence[Run], slots: Sequence[Slot], noise: Noise, make: Maker) -> Table:
-    """From whitened runs of the fit part."""
+def when_of(trial: str, loaded: Set[str]) -> When:
+    """To which part of the sums a trial belongs."""
+    if not loaded:
+        return "all"
+    return "load" if trial in loaded else "free"
+
+
+def table_of(
+    runs: Sequence[Run], slots: Sequence[Slot], noise: Noise, make: Maker, loaded: Set[str] = frozenset()
+) -> Table:
+    """From whitened runs of the fit part.
+
+    Args:
+        loaded: trials under load, where there are others beside them.
+    """
     stacked = np.concatenate([run.base for run in runs])
     stacked = stacked / (np.linalg.norm(stacked, axis=0) + 1e-300)
     # By QR on the rows themselves: the signal is ten thousand times the noise, and a Gram matrix would square
@@ -146,17 +212,36 @@ def table_of(runs: Sequence[Run], slots: Sequence[Slot], noise: Noise, make: Mak
         for run, own, base in zip(runs, np.split(target, cuts), np.split(Q, cuts), strict=True)
     ]
     size = 1 + (slots[-1].columns.stop if slots else 0)
+    parts = {when: _summed(plain, size, when, loaded) for when in _kinds(loaded)}
     room = Room.of(size)
-    G, X = room.whole[:size, :size], np.zeros((Q.shape[1], size))
-    for run in plain:
-        index = np.concatenate([[0], 1 + run.used])
-        Z = np.column_stack([run.target, run.design])
-        G[np.ix_(index, index)] += Z.T @ Z
-        X[:, index] += run.base.T @ Z
+    G = room.whole[:size, :size]
+    X = _onto(parts)
     for begin in range(0, size, _SPARE):
         some = slice(begin, begin + _SPARE)
-        G[some] -= X[:, some].T @ X
-    return Table(tuple(plain), G, tuple(slots), units_of(plain), noise, make, room)
+        G[some] = np.sum([part.sums[some] for part in parts.values()], axis=0) - X[:, some].T @ X
+    return Table(tuple(plain), G, tuple(slots), units_of(plain), noise, make, room, loaded, parts)
+
+
+def _onto(parts: Mapping[When, Part]) -> Floats:
+    """Products of the base's directions with all columns over all rows, (P, 1 + K)."""
+    return np.asarray(np.sum([part.onto for part in parts.values()], axis=0))
+
+
+def _kinds(loaded: Set[str]) -> tuple[When, ...]:
+    return ("free", "load") if loaded else ("all",)
+
+
+def _summed(runs: Sequence[Run], size: int, when: When, loaded: Set[str]) -> Part:
+    room = Room.of(size)
+    sums, onto = room.whole[:size, :size], np.zeros((runs[0].base.shape[1], size))
+    for run in runs:
+        if when_of(run.trial, loaded) != when:
+            continue
+        index = np.concatenate([[0], 1 + run.used])
+        Z = np.column_stack([run.target, run.design])
+        sums[np.ix_(index, index)] += Z.T @ Z
+        onto[:, index] += run.base.T @ Z
+    return Part(sums, onto, room)
 
 
 def units_of(runs: Sequence[Run]) -> Units:
@@ -194,27 +279,33 @@ def residuals(table: Table, columns: Index) -> list[Floats]:
 
 @dataclass(frozen=True, slots=True)
 class Swept:
-    """The Gram matrix with some columns swept out, of which only the asked blocks are formed.
+    """Sums of products with some columns swept out, of which only the asked blocks are formed.
 
     Attributes:
-        W: (m, 1 + K), so that what is left of G is G - W^T W.
+        G: of the columns that are asked for, (1 + K, 1 + K).
+        X: what is to be taken from it as X^T X, (P, 1 + K).
+        W: (m, 1 + K), so that what is left is G - X^T X - W^T W.
+        target: sums of products with what the active columns leave of the target, (1 + K,).
     """
 
     G: Floats
+    X: Floats
     W: Floats
+    target: Floats
 
     @property
     def left(self) -> float:
         """Residual sum of squares."""
-        return float(self.G[0, 0] - self.W[:, 0] @ self.W[:, 0])
+        return float(self.target[0])
 
     def drop(self, columns: slice) -> float:
         """Drop of the residual sum of squares by further columns, without what the others span."""
         if columns.stop == columns.start + 1:
             return self._drop_of_one(columns.start + 1)
         index = np.arange(columns.start, columns.stop) + 1
-        W, own = self.W[:, index], self.G[np.ix_(index, index)]
-        A, b = own - W.T @ W, self.G[index, 0] - W.T @ self.W[:, 0]
+        W, X = self.W[:, index], self.X[:, index]
+        own = self.G[np.ix_(index, index)] - X.T @ X
+        A, b = own - W.T @ W, self.target[index]
         there = np.diag(A) > _SPANNED * np.maximum(np.diag(own), 1e-300)
         if not there.any():
             return 0.0
@@ -227,25 +318,42 @@ class Swept:
         return float(np.sum((vectors[:, good].T @ (b / size)) ** 2 / values[good]))
 
     def _drop_of_one(self, place: int) -> float:
-        w = self.W[:, place]
-        own = float(self.G[place, place])
+        w, x = self.W[:, place], self.X[:, place]
+        own = float(self.G[place, place]) - float(x @ x)
         left = own - float(w @ w)
         if left <= _SPANNED * max(own, 1e-300):
             return 0.0
-        return float(self.G[place, 0] - self.W[:, 0] @ w) ** 2 / left
+        return float(self.target[place]) ** 2 / left
 
 
-def swept(G: Floats, columns: Index) -> Swept:
-    """G with the given columns swept out: what is left of target and terms beside them."""
-    index = np.asarray(columns, dtype=int) + 1
+def swept(table: Table, columns: Index, when: When = "all") -> Swept:
+    """What is left of target and terms beside the given columns.
+
+    Args:
+        when: "free" or "load": the further terms act in those trials only.
+    """
+    G, index = table.G, np.asarray(columns, dtype=int) + 1
+    root = _root(G, index)
+    if when == "all":
+        W = root @ G[index]
+        return Swept(G, np.zeros((0, len(G))), W, G[0] - W[:, 0] @ W)
+    part = table.parts[when]
+    X = _onto(table.parts)
+    W = root @ (part.sums[index] - X[:, index].T @ part.onto)
+    of_target = root @ G[index, 0]
+    return Swept(part.sums, part.onto, W, part.sums[0] - X[:, 0] @ part.onto - of_target @ W)
+
+
+def _root(G: Floats, index: Index) -> Floats:
+    """A root R of the inverse of the block of G, R^T R = G[index, index]^-1, (m, len(index))."""
     if len(index) == 0:
-        return Swept(G, np.zeros((0, len(G))))
+        return np.zeros((0, 0))
     A = G[np.ix_(index, index)]
     size = _sizes(A)
     values, vectors = np.linalg.eigh(A / np.outer(size, size))
     good = values > _RIDGE * values[-1]
-    root = (vectors[:, good] / np.sqrt(values[good])).T
-    return Swept(G, root @ (G[index] / size[:, None]))
+    result: Floats = (vectors[:, good] / np.sqrt(values[good])).T / size
+    return result
 
 
 def _sizes(A: Floats) -> Floats:

@@ -13,7 +13,7 @@ from scipy import ndimage, stats
 from impid_host.diagnosis.result import Structure
 from impid_host.diagnosis.rows import Run
 from impid_host.diagnosis.table import Table, residuals
-from impid_host.effects.structure import channel_name
+from impid_host.effects.unnamed import channel_name
 from impid_host.effects.view import TORQUE, View
 from impid_host.signals.arrays import Floats
 

@@ -9,6 +9,7 @@ from impid_host.diagnosis.arbitrate import Verdict, arbitrated, exactly_compared
 from impid_host.diagnosis.beside import curves_beside
 from impid_host.diagnosis.choice import Choice, evidence_of, ordered
 from impid_host.diagnosis.judge import stretch_of, worse
+from impid_host.diagnosis.leftover import resemblance
 from impid_host.diagnosis.parameters import holds_zero
 from impid_host.diagnosis.refit import Refit
 from impid_host.diagnosis.result import Chosen, Evidence, Stage, Structure
@@ -42,11 +43,13 @@ class Judged:
 
 def upheld(choice: Choice, bench: Bench) -> Judged:
     """The chosen names in stages, as far as they are possible, likely, and no worse on the sealed part."""
-    named, fit = stands(bench, _values(choice))
+    values = _values(choice)
+    named, fit = stands(bench, values)
+    fell = {s: part for s, part in values.items() if s not in named}
     choice, named, fit = exactly_compared(choice, bench, named, fit)
     verdict = arbitrated(choice, bench, dict(zip(named, fit.chosen, strict=True)), fit)
     certain = [s for s in named if s not in verdict.open_slots]
-    alike = _resembled(choice, bench, named)
+    alike = [*_resembled(choice, bench, named), *_undetermined(choice, bench, named, fell)]
     left = (*choice.left, *(words for _, words in alike))
     others = tuple(part for part, _ in alike)
     stages, last = named_stages(bench, [named[s] for s in certain], _evidence(choice, certain))
@@ -62,6 +65,20 @@ def _resembled(choice: Choice, bench: Bench, named: Mapping[int, Chosen]) -> lis
     rejected = {-1 - k: part for k, (part, _) in enumerate(choice.resembled)}
     there = stands(bench, {**named, **rejected})[0] if rejected else {}
     return [both for k, both in enumerate(choice.resembled) if -1 - k in there]
+
+
+def _undetermined(
+    choice: Choice, bench: Bench, named: Mapping[int, Chosen], fell: Mapping[int, Chosen]
+) -> list[tuple[Chosen, Structure]]:
+    """Of the names that fell those whose size alone the data leave open: something like it is there."""
+    result = []
+    for s, part in fell.items():
+        own = bench.fit([*named.values(), part]).chosen[-1]
+        if possible(own.term, own.beta, own.shape) and not negligible(own.term, own.beta, own.shape):
+            alike = resemblance(choice.table, choice.named, s)
+            words = f"{alike.on} resembles {own.term.label}, whose parameters these data do not determine"
+            result.append((part, replace(alike, words=words)))
+    return result
 
 
 def _values(choice: Choice) -> dict[int, Chosen]:

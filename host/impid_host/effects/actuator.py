@@ -5,7 +5,6 @@ from dataclasses import replace
 from functools import partial
 
 import numpy as np
-from scipy import signal
 
 from impid_host.effects.effect import (
     Effect,
@@ -14,12 +13,12 @@ from impid_host.effects.effect import (
     Term,
     amplitude_phase,
     each_trial,
-    in_some_trials,
     joint_name,
     on_joint,
 )
 from impid_host.effects.view import Columns, View, advanced, rate_of
 from impid_host.signals.arrays import Floats
+from impid_host.signals.recursive import first_order, recursive
 
 _MAX_DELAY_S = 0.1
 
@@ -55,7 +54,7 @@ def _gain(setting: Setting) -> Iterator[Term]:
             },
             by_model=True,
         )
-        yield from in_some_trials(own, setting, "load") if len(joints) == 1 else [own]
+        yield own
 
 
 def _sets(setting: Setting) -> list[tuple[int, ...]]:
@@ -80,7 +79,7 @@ def _offset(setting: Setting) -> Iterator[Term]:
             columns,
             lambda beta, _shape: {"torque": float(beta[0])},
         )
-        yield from in_some_trials(own, setting, "load", "free")
+        yield own
 
 
 def _cogging(setting: Setting) -> Iterator[Term]:
@@ -169,9 +168,7 @@ def _low_passed(values: Floats, time_constant_s: float, dt: float) -> Floats:
     """First-order lag (N, k), at rest at its first value: (1 + T d/dt) result = values."""
     if time_constant_s <= 0.0:
         return values
-    b, a = signal.bilinear([1.0], [time_constant_s, 1.0], 1.0 / dt)
-    start = signal.lfilter_zi(b, a)[:, None] * values[:1]
-    return np.asarray(signal.lfilter(b, a, values, axis=0, zi=start)[0], dtype=np.float64)
+    return recursive(first_order(0.5 * dt / time_constant_s)[None], values, settled=True)
 
 
 def _delay_of(name: str, setting: Setting) -> list[Term]:

@@ -44,9 +44,9 @@ def negligible(term: Term, beta: Floats, shape: float) -> bool:
     return bool(sized) and all(abs(v - row.none) < row.least for row, value in sized for v in numbers(value))
 
 
-def of_machine(term: Term) -> bool:
-    """A named effect of the robot or its drives, which may be there in some trials only."""
-    return term.named and CATALOGUE[term.effect].acts_on in ("robot", "actuator") and not term.own
+def anywhere(term: Term) -> bool:
+    """A named effect of no load, with one value for all trials, that may be there in some of them only."""
+    return term.named and CATALOGUE[term.effect].acts_on != "load" and not term.own and term.when == "all"
 
 
 def numbers(value: Value) -> Iterator[float]:

@@ -289,13 +289,6 @@ def amplitude_phase(c: float, s: float) -> tuple[float, float]:
     return float(np.hypot(c, s)), float(np.arctan2(c, s))
 
 
-def in_some_trials(term: Term, setting: Setting, *when: When) -> list[Term]:
-    """The term itself, and where there are free and loaded trials the same in some of them only."""
-    if not setting.both:
-        return [term]
-    return [term, *(replace(term, when=part) for part in when)]
-
-
 @dataclass(frozen=True, slots=True)
 class Each:
     """Columns of a term with `size` parameters of its own for each of the named trials or loads.

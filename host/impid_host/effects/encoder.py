@@ -4,7 +4,6 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
-from scipy.interpolate import BSpline
 
 from impid_host.effects.effect import (
     Effect,
@@ -26,10 +25,18 @@ _PATH_S = 3.0  # of the clocks' path between two knots
 
 def shifted(view: View, joint: int, error: Floats, slope: Floats, bend: Floats) -> View:
     """The trial with an angle error taken off: error(theta), its first and second derivative in theta."""
+    rate = slope * view.omega[:, joint]
+    return without_error(
+        view, joint, error, rate, slope * view.acc[:, joint] + bend * view.omega[:, joint] ** 2
+    )
+
+
+def without_error(view: View, joint: int, error: Floats, rate: Floats, rise: Floats) -> View:
+    """The trial with an angle error, given with its first and second derivative in time, (N,), taken off."""
     theta, omega, acc = view.theta.copy(), view.omega.copy(), view.acc.copy()
     theta[:, joint] -= error
-    omega[:, joint] -= slope * view.omega[:, joint]
-    acc[:, joint] -= slope * view.acc[:, joint] + bend * view.omega[:, joint] ** 2
+    omega[:, joint] -= rate
+    acc[:, joint] -= rise
     return with_motion(view, theta, omega, acc)
 
 
@@ -239,6 +246,8 @@ def resynchronised(view: View) -> View:
     """The robot's signals moved by the smooth path of lateness that its angles show against the module's."""
     if view.theta_robot is None:
         return view
+    from scipy.interpolate import BSpline  # noqa: PLC0415  (a fifth of a second, for searches alone)
+
     knots = max(2, int(view.t[-1] / _PATH_S))
     inside = np.linspace(view.t[0], view.t[-1], knots + 1)
     ends = np.concatenate([np.repeat(inside[0], 3), inside, np.repeat(inside[-1], 3)])

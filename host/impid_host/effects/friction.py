@@ -17,7 +17,6 @@ from impid_host.effects.effect import (
     Term,
     Value,
     amplitude_phase,
-    in_some_trials,
     joint_name,
     on_joint,
 )
@@ -97,7 +96,7 @@ def _coulomb(setting: Setting) -> Iterator[Term]:
             shapes=_bends(setting, joint),
             fine=True,
         )
-        yield from in_some_trials(plain, setting, "load", "free")
+        yield plain
 
 
 def _stribeck(setting: Setting) -> Iterator[Term]:

@@ -7,11 +7,11 @@ low-pass of second order (Kearney, Stein and Parameswaran, IEEE Trans. Biomed. E
 from collections.abc import Iterator
 
 import numpy as np
-from scipy import signal
 
 from impid_host.effects.effect import Setting, Term, by_load
 from impid_host.effects.view import Columns, View
 from impid_host.signals.arrays import Floats
+from impid_host.signals.recursive import recursive, second_order
 
 # A spinal stretch reflex of a limb takes some 30 to 80 ms; its muscle acts below some 5 Hz.
 DELAYS_S = tuple(float(d) for d in np.linspace(0.03, 0.08, 6))
@@ -21,8 +21,7 @@ _SIDES = {"positive": 1.0, "negative": -1.0}
 
 def muscle(stretch: Floats, rate_hz: float, corner_rad_s: float) -> Floats:
     """The critically damped low-pass h, (N, k)."""
-    b, a = signal.bilinear([corner_rad_s**2], [1.0, 2.0 * corner_rad_s, corner_rad_s**2], rate_hz)
-    return np.asarray(signal.lfilter(b, a, stretch, axis=0), dtype=np.float64)
+    return recursive(second_order(0.5 * corner_rad_s / rate_hz, 1.0)[None], stretch, settled=False)
 
 
 def reflex_terms(setting: Setting) -> Iterator[Term]:

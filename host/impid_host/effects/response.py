@@ -8,7 +8,6 @@ from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import fft
 
 from impid_host.effects.effect import UNATTRIBUTED, Setting, Term, along, on_joint
 from impid_host.effects.view import SPECIFIC_FORCE, TORQUE, Columns, View
@@ -63,7 +62,7 @@ def filtered(values: Floats, dt: float) -> list[Floats]:
     count = len(values)
     size = 2 * count  # the other half is silence, so that the end does not reach the beginning
     used = int(_ENDS_HZ[1] * dt * size) + 1
-    spectrum = fft.rfft(values, size)[:used] * (2 / size)
+    spectrum = np.fft.rfft(values, size)[:used] * (2 / size)
     frequency = np.arange(used) / (dt * size)
     nodes = (_ENDS_HZ[0], *NODES_HZ, _ENDS_HZ[1])
     weights = np.stack([np.interp(frequency, nodes, row) for row in np.eye(len(nodes))[1:-1]])
@@ -78,6 +77,8 @@ def _synthesised(spectra: NDArray[np.complex128], count: int, size: int) -> NDAr
     `count` instants does it: 2 k n = k^2 + n^2 - (k - n)^2 (Bluestein, IEEE Trans. Audio Electroacoust. 18,
     1970).
     """
+    from scipy import fft  # noqa: PLC0415  (slow to import, for searches alone)
+
     lines = spectra.shape[1]
     padded = fft.next_fast_len(count + lines - 1)
     place = np.arange(max(count, lines))

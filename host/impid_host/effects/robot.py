@@ -14,7 +14,6 @@ from impid_host.effects.effect import (
     along,
     at_tip,
     everywhere,
-    in_some_trials,
     joint_name,
     on_joint,
 )
@@ -54,8 +53,8 @@ def _elastic_cartesian(setting: Setting) -> Iterator[Term]:
         # A spring's rest position is a constant torque, at the end-effector nearly.
         holds=tuple(f"actuator.offset@{place}" for place in everywhere(setting)),
     )
-    yield from in_some_trials(plain, setting, "load", "free")
-    yield from in_some_trials(replace(plain, columns=skewed, size=5, variant="xy"), setting, "load", "free")
+    yield plain
+    yield replace(plain, columns=skewed, size=5, variant="xy")
 
 
 def _symmetric(beta: Floats) -> Floats:
@@ -85,7 +84,7 @@ def _elastic_joint(setting: Setting) -> Iterator[Term]:
             gate=lambda beta, _shape: bool(beta[0] > 0),
             holds=(f"actuator.offset@{place}",),
         )
-        yield from in_some_trials(spring, setting, "load", "free")
+        yield spring
 
 
 def _transmission(setting: Setting) -> Iterator[Term]:
@@ -140,7 +139,7 @@ def _damping_cartesian(setting: Setting) -> Iterator[Term]:
         size=2,
         gate=lambda beta, _shape: bool(max(beta) > 0 and min(beta) > -_PULLS * max(beta)),
     )
-    yield from in_some_trials(damper, setting, "load", "free")
+    yield damper
 
 
 _LARGEST_MOMENT = 3.0  # kg m of a link: 10 kg at 0.3 m

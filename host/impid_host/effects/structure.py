@@ -8,19 +8,18 @@ in every channel that is measured.
 from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
-from scipy.interpolate import BSpline
 
-from impid_host.effects.effect import UNATTRIBUTED, Each, Setting, Term
+from impid_host.effects.effect import Each, Setting, Term
+from impid_host.effects.odd_machine import machine_structures
 from impid_host.effects.response import response_terms
+from impid_host.effects.unnamed import channel_name, on_channel, unnamed
 from impid_host.effects.view import FORCE, SPECIFIC_FORCE, TORQUE, Columns, View
-from impid_host.impedance.virtual_sensor import through_jacobian
 from impid_host.signals.arrays import Floats
 from impid_host.signals.direction import sign_mean
 
 Variable = Callable[[View], Floats]
-COARSE, FINE = 7, 18
+STRAIGHT, COARSE, FINE = 2, 7, 18
 EACH = "torque times time in each trial"
-BY_PULL = "force of the load"
 
 
 def variables(setting: Setting) -> dict[str, Variable]:
@@ -42,16 +41,10 @@ def values_of(view: View, variable: str) -> Floats:
     return signal[:, int(variable[-1]) - 1]
 
 
-def pull(view: View) -> Floats:
-    """Size of the force that presses on the bearings of a robot under load, (N,); zero in free motion."""
-    if view.load is None:
-        return np.zeros_like(view.t)
-    force = through_jacobian(view.model, view.theta, view.torque_model)
-    return np.asarray(np.linalg.norm(force, axis=1))
-
-
 def curve_basis(values: Floats, low: float, high: float, count: int) -> Floats:
     """`count` cubic B-splines over low..high at (N,) values, held at the ends: (N, count)."""
+    from scipy.interpolate import BSpline  # noqa: PLC0415  (a fifth of a second, for searches alone)
+
     high = max(high, low + 1e-9)
     knots = np.concatenate([[low] * 3, np.linspace(low, high, count - 2), [high] * 3])
     inside = np.clip(values, low, high)
@@ -77,13 +70,16 @@ def _basis(view: View, name: str, variable: Variable, span: tuple[float, float],
 def structures(parts: Sequence[View], setting: Setting) -> list[Term]:
     """A curve in every variable on every channel, and a few products with the direction or speed."""
     result: list[Term] = []
-    if setting.planar and setting.loads:
-        result += [_friction_by_pull(joint) for joint in range(setting.joints)]
     if len(parts) > 1:
         result += [_one_trial(view) for view in parts]
     result += response_terms(setting)
+    result += machine_structures(setting)
     if not setting.bare:
-        result += [_wandering_gain(parts, joint) for joint in range(setting.joints)]
+        result += [
+            _wandering_gain(parts, joint, count)
+            for joint in range(setting.joints)
+            for count in (STRAIGHT, COARSE)
+        ]
     for name, variable in variables(setting).items():
         values = np.concatenate([variable(view)[view.valid] for view in parts])
         low, high = (float(v) for v in np.percentile(values, [0.2, 99.8]))
@@ -98,31 +94,6 @@ def structures(parts: Sequence[View], setting: Setting) -> list[Term]:
             if there and name in ("time", "x", "y", "theta2"):
                 result += [_curve(name, variable, (low, high), (family, axis), COARSE) for axis in (0, 1)]
     return result
-
-
-def channel_name(family: str, channel: int) -> str:
-    """`tau1`, `fsx`, `acc_x`: how a measured channel is spoken of."""
-    start = {TORQUE: "tau", FORCE: "fs", SPECIFIC_FORCE: "acc_"}[family]
-    return f"{start}{channel + 1}" if family == TORQUE else f"{start}{'xy'[channel]}"
-
-
-def on_channel(view: View, family: str, channel: int, basis: Floats) -> Columns:
-    """Columns (N, k) on one channel of one family; nothing where the trial does not measure it."""
-    if family == FORCE and (view.force is None or view.load is None):
-        return {}
-    if family == SPECIFIC_FORCE and view.predicted is None:
-        return {}
-    width = view.joints if family == TORQUE else 2
-    block = np.zeros((len(view.t), width, basis.shape[1]))
-    block[:, channel] = basis
-    return {family: block}
-
-
-def unnamed(
-    on: str, variable: str, columns: Callable[[View, float], Columns], size: int, variant: str
-) -> Term:
-    """A term without a name: on which channel, of which variable."""
-    return Term(UNATTRIBUTED, (on, variable), columns, lambda _beta, _shape: {}, size=size, variant=variant)
 
 
 def _curve(
@@ -156,23 +127,23 @@ def _one_trial(odd: View) -> Term:
     return unnamed("tau1", "one_trial", columns, size, odd.name)
 
 
-def _wandering_gain(parts: Sequence[View], joint: int) -> Term:
-    """A drive whose gain changes in the course of each trial, in each otherwise."""
+def _wandering_gain(parts: Sequence[View], joint: int, count: int) -> Term:
+    """A drive whose gain changes in the course of each trial, in each otherwise; or on a straight line."""
 
     def columns(view: View, _shape: float) -> Columns:
-        basis = curve_basis(view.t, 0.0, float(view.t[-1]), COARSE)
+        basis = course_basis(view.t, count)
         return on_channel(view, TORQUE, joint, basis * view.torque_model[:, [joint]])
 
-    each = Each(columns, COARSE, tuple(view.name for view in parts), lambda view: view.name)
-    return unnamed(f"tau{joint + 1}", "time", each, COARSE * len(parts), EACH)
+    each = Each(columns, count, tuple(view.name for view in parts), lambda view: view.name)
+    return unnamed(f"tau{joint + 1}", "time", each, count * len(parts), f"{EACH} by {count}")
 
 
-def _friction_by_pull(joint: int) -> Term:
-    def columns(view: View, _shape: float) -> Columns:
-        direction = sign_mean(view.omega[:, joint], view.acc[:, joint], view.dt)
-        return on_channel(view, TORQUE, joint, (pull(view) * direction)[:, None])
-
-    return unnamed(f"tau{joint + 1}", "direction", columns, 1, BY_PULL)
+def course_basis(t: Floats, count: int) -> Floats:
+    """Smooth courses over a trial, (N, count): a straight line by two, splines by more."""
+    if count == STRAIGHT:
+        u = t / max(float(t[-1]), 1e-9)
+        return np.stack([1 - u, u], axis=1)
+    return curve_basis(t, 0.0, float(t[-1]), count)
 
 
 def _products(name: str, variable: Variable, span: tuple[float, float], joint: int) -> Iterator[Term]:

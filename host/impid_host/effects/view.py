@@ -4,11 +4,11 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from impid_host.robot.model import RobotModel
 from impid_host.signals.arrays import Floats, Mask
 from impid_host.signals.chain import PUBLISHED_CUTOFF_HZ
+from impid_host.signals.spline import Spline
 
 TORQUE, SPECIFIC_FORCE, ANGLE, FORCE = "torque", "specific_force", "angle", "force"
 FAMILIES = (TORQUE, SPECIFIC_FORCE, ANGLE, FORCE)
@@ -146,5 +146,5 @@ def with_motion(
 
 def advanced(values: Floats, t: Floats, delay_s: float | Floats) -> Floats:
     """Values (N, k) that came `delay_s` (one, or (N,)) late, put back to their instants (N,)."""
-    result: Floats = CubicSpline(t, values, axis=0)(np.clip(t + delay_s, t[0], t[-1]))
+    result: Floats = Spline(t, values)(np.clip(t + delay_s, t[0], t[-1]))
     return result

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -12,13 +13,15 @@ from impid_host.impedance.loads import LoadKind, LoadModel, load_model
 from impid_host.impedance.partial import PartialLoadFit, identify_partially
 from impid_host.impedance.physical import PhysicalRobot, physical_robot
 from impid_host.impedance.rows import Split
-from impid_host.impedance.stochastic import SpectralFit, fit_spectral, shaken
 from impid_host.robot.model import RobotModel, robot_model, torque_at_load
 from impid_host.robot.terms import RobotStructure, robot_structure
 from impid_host.signals.align import AccelerationSource, AlignedTrial, align, robot_rows
 from impid_host.signals.band import HIGHEST_OF_RATE, following, motion_band_hz
 from impid_host.signals.chain import DEFAULT, Chain
 from impid_host.study.model import Setup, Study
+
+if TYPE_CHECKING:
+    from impid_host.impedance.stochastic import SpectralFit
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,7 +57,7 @@ class StudyFit:
     trials: tuple[AlignedTrial, ...]
     robot: RobotFit | RobotParameters
     loads: tuple[LoadFit, ...]
-    spectral: tuple[SpectralFit, ...] = ()
+    spectral: "tuple[SpectralFit, ...]" = ()
     handle_mass_kg: float = 0.0
     cutoff_hz: float | None = None
     partial: tuple[PartialLoadFit, ...] = ()
@@ -234,12 +237,14 @@ def fit_shaken(
     model: RobotModel,
     robot: RobotParameters,
     options: Options,
-) -> list[SpectralFit]:
+) -> "list[SpectralFit]":
     """One load's stochastic trials by the spectral method, by either sensor where there are two.
 
     Raises:
         UndeterminedError: the trials are too short or too poor for spectra.
     """
+    from impid_host.impedance.stochastic import fit_spectral, shaken  # noqa: PLC0415  (slow to import)
+
     named = {trial.name: trial for trial in study.trials}
     wide = {one.name: shaken(named[one.name], study.setup, model, options.acceleration) for one in members}
     measured = [trial for trial in members if trial.force is not None]

@@ -8,7 +8,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import linalg
 
 from impid_host.errors import UndeterminedError
 from impid_host.impedance.linear import Stretch
@@ -45,6 +44,8 @@ def combinations(stretches: Sequence[Stretch], names: Sequence[str]) -> Combinat
     Raises:
         UndeterminedError: the rows show nothing at all.
     """
+    from scipy import linalg  # noqa: PLC0415  (a tenth of a second, which starting can do without)
+
     W = np.concatenate([stretch.design.reshape(-1, len(names)) for stretch in stretches])
     size = np.linalg.norm(W, axis=0)
     alive = np.flatnonzero(size > _TOLERANCE * size.max()) if size.max() > 0 else np.zeros(0, dtype=int)
@@ -75,6 +76,8 @@ def combinations_left(
     Raises:
         UndeterminedError: nothing is left.
     """
+    from scipy import linalg  # noqa: PLC0415  (a tenth of a second, which starting can do without)
+
     size = np.maximum(size, _TOLERANCE * size.max())
     order = linalg.qr((directions * size[:, None]).T, mode="r", pivoting=True)[1]
     rest = np.sort(order[: directions.shape[1]])

@@ -8,7 +8,7 @@ many degrees of freedom as there are symmetry conditions, says whether the data 
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy import optimize, stats
+from scipy import special
 
 from impid_host.errors import UndeterminedError
 from impid_host.impedance.identify import LoadFit
@@ -81,7 +81,7 @@ def constrain(fit: LoadFit, handle_mass_kg: float) -> Constrained:
         method=fit.method,
         matrices=load_matrices(load, symmetric, handle_mass_kg),
         chi2=chi2,
-        p_value=float(stats.chi2.sf(chi2, len(conditions))),
+        p_value=float(special.chdtrc(len(conditions), chi2)),
         on_boundary=tuple(moved),
     )
 
@@ -112,6 +112,8 @@ def _smallest(S: Floats, value: Floats, load: LoadModel, handle: float, name: st
 
 def _definite(estimate: Estimate, load: LoadModel, handle: float) -> Floats:
     """The nearest parameters with M - handle and K positive definite, by their Cholesky factors."""
+    from scipy import optimize  # noqa: PLC0415  (a fifth of a second)
+
     d = len(load.axes)
     lower = np.tril_indices(d)
     fixed = _maps(load)

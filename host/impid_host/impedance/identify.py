@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -151,7 +151,7 @@ def identify_robot(
     """
     judged, moving, quiet = _explained(trials, structure, chain)
     equations, rows = _robot_rows(quiet, structure, chain, split, judged)
-    twins = _twins(quiet, lambda trial: robot_equation(trial, structure, chain, judged), chain, split)
+    twins = _robot_twins(quiet, structure, chain, split, judged)
     names, units = structure.parameter_names, structure.parameter_units
     unseen = None
     value, covariance = np.zeros(len(names)), np.zeros((len(names), len(names)))
@@ -205,6 +205,18 @@ def _robot_rows(
 ) -> tuple[list[Equation], list[Stretch]]:
     equations = [robot_equation(trial, structure, chain, judged) for trial in quiet]
     return equations, _fit_rows(equations, chain, split)
+
+
+def _robot_twins(
+    quiet: Sequence[AlignedTrial],
+    structure: RobotStructure,
+    chain: Chain,
+    split: Split,
+    judged: tuple[int, ...],
+) -> list[Stretch]:
+    """The rows of `_robot_rows` by the angles, where the accelerometer was used; without torque."""
+    silent = (replace(trial, tau=np.zeros_like(trial.tau)) for trial in quiet)
+    return _twins(list(silent), lambda trial: robot_equation(trial, structure, chain, judged), chain, split)
 
 
 def _explained(

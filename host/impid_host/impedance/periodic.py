@@ -10,12 +10,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from impid_host.errors import UndeterminedError
-from impid_host.impedance.spectral.arrays import Floats
+from impid_host.impedance.spectral.arrays import Complexes, Floats
 from impid_host.impedance.spectral.best_linear import BestLinearApproximation, best_linear_approximation
 from impid_host.impedance.spectral.distortion import DistortionLevels, distortion_levels
+from impid_host.signals.spline import Spline
 
 Harmonics = np.ndarray[tuple[int], np.dtype[np.int64]]
 # A log rounds its numbers; random noise never repeats itself this well.
@@ -112,10 +112,11 @@ def _distortion(
 ) -> tuple[DistortionLevels, ...]:
     """Per axis, over all trials; the response between the excited lines from the smooth dynamic stiffness."""
     lines = np.arange(1, int(harmonics.max()) + 1)
-    stiffness = CubicSpline(harmonics, np.linalg.inv(approximation.G), axis=0)
-    response = np.asarray(
-        np.linalg.inv(stiffness(np.clip(lines, harmonics.min(), None))), dtype=np.complex128
-    )
+    known = np.ascontiguousarray(np.linalg.inv(approximation.G), dtype=np.complex128)
+    parts = Spline(harmonics.astype(np.float64), known.view(np.float64))
+    between = np.ascontiguousarray(parts(np.clip(lines, harmonics.min(), None).astype(np.float64)))
+    stiffness: Complexes = between.view(np.complex128)
+    response: Complexes = np.linalg.inv(stiffness).astype(np.complex128)
     flat = (-1, *motion.shape[2:])
     return tuple(
         distortion_levels(force.reshape(flat), motion.reshape(flat)[..., axis], harmonics, response[:, axis])
@@ -138,8 +139,7 @@ def _steady(trial: PeriodicTrial, rows: int) -> tuple[Floats, Floats, Floats]:
     count = (int(inside[-1]) + 1 - first) // rows
     at = trial.log_t[first : first + count * rows]
     force, motion = (
-        CubicSpline(trial.t, x, axis=0)(at).reshape(count, rows, -1)
-        for x in (trial.force, trial.displacement)
+        Spline(trial.t, x)(at).reshape(count, rows, -1) for x in (trial.force, trial.displacement)
     )
     command = trial.command[first : first + count * rows].reshape(count, rows, -1).mean(axis=0)
     return force, motion, command

@@ -12,7 +12,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import linalg
 
 from impid_host.errors import UndeterminedError
 from impid_host.impedance.identify import RobotFit, robot_rows
@@ -104,6 +103,8 @@ def _possible(
     design: Floats, target: Floats, grouping: Floats, nonnegative: Sequence[bool]
 ) -> tuple[Floats, Floats]:
     """Link parameters (10 n,) and the others (k,): `design` (N, b + k) against `target` (N,)."""
+    from scipy import linalg  # noqa: PLC0415  (a tenth of a second, which starting can do without)
+
     b, many = grouping.shape
     Q, R = linalg.qr(design, mode="economic")
     aim = Q.T @ target
@@ -170,6 +171,8 @@ def _newton(z: Floats, A: Floats, aim: Floats, entropy: _Entropy, pull: float) -
 
     Steps by QR of the Hessian's root: formed as A'A it would lose half of its digits and the descent.
     """
+
+    from scipy import linalg  # noqa: PLC0415  (a tenth of a second, which starting can do without)
 
     def cost(point: Floats) -> float:
         return 0.5 * float(np.sum((A @ point - aim) ** 2)) + pull * entropy.value(point)

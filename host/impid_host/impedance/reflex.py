@@ -9,11 +9,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import optimize, signal
 
 from impid_host.errors import UndeterminedError
 from impid_host.signals.align import AlignedTrial
 from impid_host.signals.arrays import Floats, Mask
+from impid_host.signals.recursive import recursive, second_order
 
 # A spinal stretch reflex of a limb takes some 30 to 80 ms; its muscle acts below some 5 Hz.
 _DELAY_S = (0.03, 0.08)
@@ -52,6 +52,8 @@ class Band:
 
     def apply(self, values: Floats, rate_hz: float) -> Floats:
         """Zero-phase band-pass along axis 0, the same for either side of the regression."""
+        from scipy import signal  # noqa: PLC0415  (half a second)
+
         low_pass = signal.butter(4, self.high_Hz, fs=rate_hz, output="sos")
         result: Floats = signal.sosfiltfilt(low_pass, values, axis=0)
         if self.low_Hz > 0:
@@ -70,6 +72,8 @@ def followed_band(theta: Floats, torque: Floats, rate_hz: float) -> Band:
     Args:
         theta: joint angle, rad, (N,); torque: N m, (N,).
     """
+    from scipy import signal  # noqa: PLC0415  (half a second)
+
     window = int(min(_COHERENCE_WINDOW_S * rate_hz, len(theta) // 3))
     frequency, coherence = signal.coherence(theta, torque, rate_hz, nperseg=window)
     apart = 1.0 - coherence
@@ -154,13 +158,14 @@ def fit_reflex(
 def _reflex_columns(velocity: Floats, t: Floats, rate_hz: float, delay_s: float, corner: float) -> Floats:
     """The low-passed, delayed velocity of either direction, (N, 2)."""
     late = np.interp(t - delay_s, t, velocity)
-    b, a = signal.bilinear([corner**2], [1.0, 2.0 * corner, corner**2], rate_hz)
     halves = np.stack([np.maximum(late, 0.0), np.minimum(late, 0.0)], axis=1)
-    return np.asarray(signal.lfilter(b, a, halves, axis=0), dtype=np.float64)
+    return recursive(second_order(0.5 * corner / rate_hz, 1.0)[None], halves, settled=False)
 
 
 def _search(cost: Callable[[Floats], float]) -> Floats:
     """Coarse grid, then a simplex within the physiological bounds."""
+    from scipy import optimize  # noqa: PLC0415  (a fifth of a second)
+
     grid = [(delay, corner) for delay in (0.035, 0.05, 0.065) for corner in (6.0, 10.0, 18.0)]
     start = min(grid, key=lambda at: cost(np.array(at)))
     found = optimize.minimize(

@@ -9,7 +9,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from scipy import linalg
 
 from impid_host.impedance.combinations import Combinations, combinations, combinations_left
 from impid_host.impedance.linear import Stretch, enough_rows
@@ -55,6 +54,8 @@ def noise_directions(rows: Sequence[Stretch], twins: Sequence[Stretch]) -> Float
 
     The rows' columns must be independent.
     """
+    from scipy import linalg  # noqa: PLC0415  (a tenth of a second, which starting can do without)
+
     X, Z = (np.concatenate([s.design.reshape(-1, s.design.shape[2]) for s in part]) for part in (rows, twins))
     size = _size(rows)
     X, Z = X / size, Z / size

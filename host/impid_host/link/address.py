@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from impid_host.errors import LinkError
-from impid_host.link.can_bus import CanLink
+from impid_host.extras import need
 from impid_host.link.discovery import find_baud, find_port
 from impid_host.link.link import Link
 from impid_host.link.port import SerialLink
@@ -33,8 +33,12 @@ class Address:
 
         Raises:
             LinkError: it cannot be found or opened.
+            MissingExtraError: it is a CAN bus, and the packages for these are not installed.
         """
         if self.can is not None:
+            need("can", "a CAN bus")
+            from impid_host.link.can_bus import CanLink  # noqa: PLC0415  (an extra)
+
             return CanLink.open(self.can)
         # Looked for each time: after a cable was out, the system may give the board another name.
         port = find_port() if self.port in (None, AUTO) else str(self.port)

@@ -5,16 +5,21 @@ from pathlib import Path
 
 import matplotlib as mpl
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from impid_host.checks.pushes import Pushes
 from impid_host.impedance.campaign import StudyFit
 from impid_host.impedance.identify import LoadFit, RobotFit
 from impid_host.impedance.rows import Series
 from impid_host.impedance.stochastic import SpectralFit
 from impid_host.report.ellipses import ellipse_figure
 from impid_host.report.fit_tables import judged_on
+from impid_host.report.page.journal import draw_on
+from impid_host.report.page.plot import Plot
+from impid_host.report.page.residual_plots import load_residual_plots, robot_residual_plots
 from impid_host.report.parameter_entries import parameter_entries
 from impid_host.report.spectral_plots import coherence_figure, detection_figure, impedance_figure
 from impid_host.report.style import STYLE
@@ -25,16 +30,24 @@ _WIDTH_IN = 7.0
 _DETAIL_S = 10.0
 
 
-def draw_study(result: StudyFit, folder: Path) -> list[Path]:
-    """Draw all figures of a study as PNG into `folder` and return their paths."""
+def draw_study(result: StudyFit, folder: Path, pushes: Pushes) -> list[Path]:
+    """Draw all figures of a study as PNG into `folder` and return their paths.
+
+    Args:
+        pushes: stretches to mark in the residuals of whole trials.
+    """
     folder.mkdir(parents=True, exist_ok=True)
     paths = []
     with mpl.rc_context(STYLE):
         if isinstance(result.robot, RobotFit):
             paths.append(_save(robot_figure(result.robot), folder / "robot.png"))
+            left = robot_residual_plots(result, pushes)
+            paths.append(_save(residual_figure(left), folder / "residual_robot.png"))
         for load in dict.fromkeys(fit.load for fit in result.loads):
             fits = [fit for fit in result.loads if fit.load == load]
             paths.append(_save(load_figure(fits), folder / f"load_{load}.png"))
+            left = load_residual_plots(fits[0], pushes)
+            paths.append(_save(residual_figure(left), folder / f"residual_{load}.png"))
             paths.append(_save(parameter_figure(fits), folder / f"parameters_{load}.png"))
             if len(fits[0].model.axes) == 2:
                 figure = ellipse_figure(fits, result.handle_mass_kg)
@@ -62,6 +75,27 @@ def shaken_figures(fit: SpectralFit) -> dict[str, Figure]:
                 {f"along {label}": fit.periodic.distortion}, fit.periodic.period_s, axis, title
             )
     return figures
+
+
+def residual_figure(plots: Sequence[Plot]) -> Figure:
+    """What the model leaves of whole trials, a strip for each trial and channel; one scale per unit."""
+    figure = Figure(figsize=(_WIDTH_IN, 1.15 * len(plots) + 0.5))
+    strips = figure.subplots(len(plots), 1, squeeze=False)[:, 0]
+    largest: dict[str, float] = {}
+    for plot in plots:
+        low, high = plot.limits()[2:]
+        largest[plot.y_label] = max(largest.get(plot.y_label, 0.0), -low, high)
+    legend: dict[str, Artist] = {}
+    for strip, plot in zip(strips, plots, strict=True):
+        draw_on(strip, plot)
+        strip.set(xlabel="", ylim=(-largest[plot.y_label], largest[plot.y_label]))
+        strip.title.set_fontsize(7.5)
+        handles, labels = strip.get_legend_handles_labels()
+        legend |= dict(zip(labels, handles, strict=True))
+    strips[-1].set_xlabel(plots[-1].x_label)
+    figure.legend(list(legend.values()), list(legend), loc="outside lower center", ncols=len(legend))
+    figure.align_ylabels()
+    return figure
 
 
 def robot_figure(fit: RobotFit) -> Figure:

@@ -1,11 +1,12 @@
 """What `impid-host fit --json` and `impid-host sync --json` write; keys once used keep their meaning."""
 
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from impid_host.checks import Agreement, Checks
+from impid_host.checks import Checks
+from impid_host.checks.pushes import Pushes
 from impid_host.clock.robot import RobotClockFit
 from impid_host.impedance.campaign import StudyFit
 from impid_host.impedance.constrained import Constrained
@@ -16,9 +17,13 @@ from impid_host.impedance.matrices import Quantity
 from impid_host.impedance.partial import PartialLoadFit
 from impid_host.impedance.periodic import Periodic
 from impid_host.impedance.physical import PhysicalRobot
-from impid_host.impedance.stochastic import SpectralFit, quantities_of
+from impid_host.report.fit_parts import Besides
+from impid_host.report.reflex_report import reflex_json
 from impid_host.robot.model import LINK
 from impid_host.signals.arrays import Floats
+
+if TYPE_CHECKING:
+    from impid_host.impedance.stochastic import SpectralFit
 
 Json = dict[str, Any]
 _METHODS = {"virtual sensor": "method1", "physical sensor": "method2"}
@@ -26,23 +31,24 @@ _METHODS = {"virtual sensor": "method1", "physical sensor": "method2"}
 
 def fit_json(
     fit: StudyFit,
+    besides: Besides,
     *,
-    constrained: Sequence[Constrained] = (),
-    joints: Sequence[JointImpedance] = (),
     checks: Checks | None = None,
-    measured_twice: Agreement | None = None,
 ) -> Json:
     """The result of `fit`, format impid-fit/1. SI units; vectors [x, y], matrices [[xx, xy], [yx, yy]]."""
     by_load: dict[str, Json] = {}
+    pushes = besides.pushes
     for load in fit.loads:
-        by_load.setdefault(load.load, {"model": load.model.name})[_METHODS[load.method]] = _load(load)
+        by_load.setdefault(load.load, {"model": load.model.name})[_METHODS[load.method]] = _load(
+            load
+        ) | _without(load, pushes)
     for some in fit.partial:
         by_load.setdefault(some.load, {"model": some.model.name})[_METHODS[some.method]] = _partial(some)
     for shaken in fit.spectral:
         by_load[shaken.load].setdefault("spectral", {})[_METHODS[shaken.method]] = _spectral(shaken)
-    for tight in constrained:
+    for tight in besides.constrained:
         by_load[tight.load].setdefault("constrained", {})[_METHODS[tight.method]] = _constrained(tight)
-    for joint in joints:
+    for joint in besides.joints:
         by_load[joint.load].setdefault("joint_space", {})[_METHODS[joint.method]] = _joint(joint)
     for compared in fit.forces:
         by_load.setdefault(compared.load, {})["virtual_against_physical_force"] = _force(compared)
@@ -51,7 +57,9 @@ def fit_json(
         "study": fit.study,
         **({} if checks is None else checks.to_dict()),
         **(
-            {} if measured_twice is None else {"agreement": [pair.to_dict() for pair in measured_twice.pairs]}
+            {}
+            if besides.agreement is None
+            else {"agreement": [pair.to_dict() for pair in besides.agreement.pairs]}
         ),
         "chain": fit.chain,
         "cutoff_Hz": fit.cutoff_hz,
@@ -66,9 +74,30 @@ def fit_json(
             }
             for trial in fit.trials
         ],
-        "robot": _robot(fit.robot, fit.physical),
+        "events": [
+            {
+                "trial": push.trial,
+                "begin_s": push.begin_s,
+                "end_s": push.end_s,
+                "power_ratio": push.ratio,
+                "in_fit": push.fitted,
+            }
+            for push in pushes.found
+        ],
+        "robot": _robot(fit.robot, fit.physical)
+        | ({} if pushes.robot is None else {"without_events": _robot(pushes.robot, None)["parameters"]}),
         "loads": by_load,
+        **({} if not besides.reflexes else {"reflex": reflex_json(besides.reflexes)}),
     }
+
+
+def _without(fit: LoadFit, pushes: Pushes) -> Json:
+    """The same load fitted without events, where some took part in the fit."""
+    rest = pushes.without(fit)
+    if rest is None:
+        return {}
+    quantities = {"M": rest.M, "B": rest.B, "K": rest.K, "x0": rest.x0}
+    return {"without_events": {name: _quantity(q) for name, q in quantities.items() if q is not None}}
 
 
 def clock_json(fit: RobotClockFit) -> Json:
@@ -188,7 +217,9 @@ def _partial(fit: PartialLoadFit) -> Json:
     }
 
 
-def _spectral(fit: SpectralFit) -> Json:
+def _spectral(fit: "SpectralFit") -> Json:
+    from impid_host.impedance.stochastic import quantities_of  # noqa: PLC0415  (slow to import)
+
     both = fit.against
     return {name: _quantity(getattr(fit, name)) for name in "MBK"} | {
         "estimate": "derived" if fit.estimate.derived is not None else "direct",

@@ -1,6 +1,7 @@
 """The tables that `impid-host fit` and `impid-host sync` print."""
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 from rich import box
@@ -12,11 +13,18 @@ from impid_host.impedance.force import ForceComparison
 from impid_host.impedance.identify import LoadFit, RobotFit
 from impid_host.impedance.joint_space import JointImpedance
 from impid_host.impedance.partial import PartialLoadFit
-from impid_host.impedance.stochastic import SpectralFit
 from impid_host.report.parameter_entries import parameter_entries
 from impid_host.signals.arrays import Floats
 
-_METHODS = {"virtual sensor": "Method 1", "physical sensor": "Method 2"}
+if TYPE_CHECKING:
+    from impid_host.impedance.stochastic import SpectralFit
+
+METHODS = {"virtual sensor": "Method 1", "physical sensor": "Method 2"}
+_INTERVALS = {
+    "virtual sensor": "Method 1: noise of torque and motion as coloured as it was found, and the uncertainty "
+    "of the robot's parameters",
+    "physical sensor": "Method 2: noise of force and motion as coloured as it was found",
+}
 
 
 def robot_table(fit: RobotFit) -> Table:
@@ -42,15 +50,20 @@ def robot_table(fit: RobotFit) -> Table:
     return table
 
 
-def load_table(fits: Sequence[LoadFit]) -> Table:
-    """One load, the methods side by side."""
+def load_table(fits: Sequence[LoadFit], *, explained: bool = False) -> Table:
+    """One load, the methods side by side.
+
+    Args:
+        explained: say below what the intervals hold.
+    """
     first = fits[0]
-    table = _table(f"Load {first.load} ({first.model.name}), {len(first.series)} trial(s)")
+    held = "; ".join(_INTERVALS[fit.method] for fit in fits)
+    words = f"The intervals hold, by {held}. They hold no tolerance of lengths or gains."
+    title = f"Load {first.load} ({first.model.name}), {len(first.series)} trial(s)"
+    table = _table(title, words if explained else None)
     table.add_column("quantity", overflow="fold")
     for fit in fits:
-        table.add_column(
-            f"{_METHODS[fit.method]}\n{sensor(fit)}\n(+- 95 %)", justify="right", overflow="fold"
-        )
+        table.add_column(f"{METHODS[fit.method]}\n{sensor(fit)}\n(+- 95 %)", justify="right", overflow="fold")
     table.add_column("unit", overflow="fold")
     for entry in parameter_entries(first):
         table.add_row(entry.label, *(plus_minus(*entry.of(fit)) for fit in fits), entry.unit)
@@ -68,7 +81,7 @@ def load_table(fits: Sequence[LoadFit]) -> Table:
 
 def partial_table(fit: PartialLoadFit) -> Table:
     """The combinations that a load's trials determine."""
-    what = f"Load {fit.load} ({fit.model.name}), {len(fit.trials)} trial(s), {_METHODS[fit.method]}"
+    what = f"Load {fit.load} ({fit.model.name}), {len(fit.trials)} trial(s), {METHODS[fit.method]}"
     table = _table(f"{what}: not all of it", fit.reason)
     for heading in ("combination", "value", "95 % interval", "unit"):
         table.add_column(
@@ -83,12 +96,12 @@ def partial_table(fit: PartialLoadFit) -> Table:
 def constrained_table(pairs: Sequence[tuple[LoadFit, Constrained]]) -> Table:
     """M and K as they are and symmetric positive definite, method by method."""
     first = pairs[0][0]
-    words = "\n".join(f"{_METHODS[fit.method]}: {constrained.verdict}" for fit, constrained in pairs)
+    words = "\n".join(f"{METHODS[fit.method]}: {constrained.verdict}" for fit, constrained in pairs)
     table = _table(f"Load {first.load}: M and K symmetric and positive definite", words)
     table.add_column("quantity", overflow="fold")
     for fit, _ in pairs:
         for heading in ("unconstrained", "constrained"):
-            table.add_column(f"{_METHODS[fit.method]}\n{heading}", justify="right", overflow="fold")
+            table.add_column(f"{METHODS[fit.method]}\n{heading}", justify="right", overflow="fold")
     table.add_column("unit", overflow="fold")
     for entry in parameter_entries(first):
         cells = []
@@ -108,7 +121,7 @@ def joint_table(joints: Sequence[JointImpedance]) -> Table:
     table = _table(f"Load {first.load} in the arm's joints, at {angles}")
     table.add_column("quantity", overflow="fold")
     for joint in joints:
-        table.add_column(f"{_METHODS[joint.method]}\n(+- 95 %)", justify="right", overflow="fold")
+        table.add_column(f"{METHODS[joint.method]}\n(+- 95 %)", justify="right", overflow="fold")
     table.add_column("unit", overflow="fold")
     for letter, name in (("I", "inertia"), ("B", "damping"), ("K", "stiffness")):
         quantities = [getattr(joint, name) for joint in joints]
@@ -120,21 +133,21 @@ def joint_table(joints: Sequence[JointImpedance]) -> Table:
     return table
 
 
-def spectral_table(fits: Sequence[SpectralFit]) -> Table:
+def spectral_table(fits: "Sequence[SpectralFit]") -> Table:
     """One stochastic load: time domain and spectral side by side for each sensor, and where they disagree."""
     first = fits[0]
-    words = [f"{_METHODS[fit.method]}: {fit.against.verdict}" for fit in fits]
+    words = [f"{METHODS[fit.method]}: {fit.against.verdict}" for fit in fits]
     words += [str(check) for check in first.estimate.checks]
     words += [
-        f"{_METHODS[fit.method]}, model against estimate, {agreement}"
+        f"{METHODS[fit.method]}, model against estimate, {agreement}"
         for fit in fits
         for agreement in fit.estimate.best.agreement
     ]
     for fit in fits:
         if fit.periodic is not None:
-            words.append(f"{_METHODS[fit.method]}, periodic perturbation: {fit.periodic.compliance}")
+            words.append(f"{METHODS[fit.method]}, periodic perturbation: {fit.periodic.compliance}")
             words += [
-                f"{_METHODS[fit.method]}, along {axis}: {level}"
+                f"{METHODS[fit.method]}, along {axis}: {level}"
                 for axis, level in zip("xy", fit.periodic.distortion, strict=True)
             ]
     table = _table(
@@ -144,7 +157,7 @@ def spectral_table(fits: Sequence[SpectralFit]) -> Table:
     table.add_column("quantity", overflow="fold")
     for fit in fits:
         for heading in ("time domain", "spectral", "apart\n(std. errors)"):
-            table.add_column(f"{_METHODS[fit.method]}\n{heading}", justify="right", overflow="fold")
+            table.add_column(f"{METHODS[fit.method]}\n{heading}", justify="right", overflow="fold")
     for k, name in enumerate(first.against.names):
         cells: list[str] = []
         for fit in fits:

@@ -3,10 +3,10 @@
 from collections.abc import Sequence
 
 import numpy as np
-from scipy import signal
 
 from impid_host.signals.arrays import Floats
 from impid_host.signals.chain import PUBLISHED_CUTOFF_HZ, Chain
+from impid_host.signals.density import power_density
 
 # A joint rests below this share of the quickest joint's rms velocity (1 m/s counted as 1 rad/s): its own
 # friction and inertia are then smaller than what any model of the others leaves over.
@@ -35,8 +35,8 @@ def motion_band_hz(t: Floats, theta: Floats) -> float:
     bands, speeds = [], []
     for joint in theta.T:
         speed = np.gradient(np.interp(uniform, t, joint)) * rate
-        frequency, power = signal.welch(
-            speed, rate, nperseg=min(len(speed), int(_WINDOW_S * rate)), detrend=False
+        frequency, power = power_density(
+            speed, rate, min(len(speed), int(_WINDOW_S * rate)), rid_of_mean=False
         )
         power = np.maximum(power - _noise(frequency, power, min(_HIGHEST_HZ, HIGHEST_OF_RATE * rate)), 0.0)
         speeds.append(float(np.sqrt(power.sum())))

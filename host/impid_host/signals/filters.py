@@ -4,10 +4,10 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from scipy import signal
 
 from impid_host.errors import UndeterminedError
 from impid_host.signals.arrays import Floats
+from impid_host.signals.recursive import butterworth_sections, recursive
 
 
 def _below_half(cutoff_hz: float, rate_hz: float) -> float:
@@ -26,10 +26,9 @@ def _below_half(cutoff_hz: float, rate_hz: float) -> float:
 
 @dataclass(frozen=True, slots=True)
 class Sections:
-    """A filter's second-order sections, (k, 6), and their state after a step of one, (k, 2)."""
+    """A filter's sections of second order at most, (k, 6): b0, b1, b2, 1, a1, a2 of each."""
 
     sos: Floats
-    settled: Floats
 
     def forth_and_back(self, values: Floats, pad: int | None = None) -> Floats:
         """Along axis 0 and back again, so that there is no phase; columns of zeros cost nothing.
@@ -44,35 +43,39 @@ class Sections:
             raise ValueError(f"{len(values)} rows are no more than the {pad} by which they are continued")
         plain = values.reshape(len(values), -1)
         used = np.flatnonzero(plain.any(axis=0))
-        rows = np.ascontiguousarray(plain.T if len(used) == plain.shape[1] else plain[:, used].T)
-        begin = 2 * rows[:, :1] - rows[:, pad:0:-1]
-        end = 2 * rows[:, -1:] - rows[:, -2 : -pad - 2 : -1]
-        there = self._once(np.concatenate([begin, rows, end], axis=1) if pad else rows)
-        back = self._once(there[:, ::-1])[:, ::-1]
+        longer = np.empty((len(values) + 2 * pad, len(used)), order="F")
+        rows = longer[pad : pad + len(values)]
+        rows[:] = plain[:, used] if len(used) < plain.shape[1] else plain
+        longer[:pad] = 2 * rows[:1] - rows[pad:0:-1]
+        longer[pad + len(values) :] = 2 * rows[-1:] - rows[-2 : -pad - 2 : -1]
+        back = self._once(self._once(longer)[::-1])[::-1]
         result = np.zeros(plain.shape)
-        result[:, used] = back[:, pad : pad + len(values)].T
+        result[:, used] = back[pad : pad + len(values)]
         return result.reshape(values.shape)
 
+    def gain(self, frequency_hz: Floats, rate_hz: float) -> Floats:
+        """Magnitude of the response of one run, (F,)."""
+        delay = np.exp(-2j * np.pi * np.multiply.outer(frequency_hz / rate_hz, np.arange(3)))
+        top, bottom = delay @ self.sos[:, :3].T, delay @ self.sos[:, 3:].T
+        return np.asarray(np.abs(np.prod(top / bottom, axis=1)))
+
     def _once(self, rows: Floats) -> Floats:
-        """From where the first value has been there for ever, (k, N) along axis 1."""
-        state = self.settled[:, None, :] * rows[None, :, :1]
-        return np.asarray(signal.sosfilt(self.sos, rows, axis=1, zi=state)[0])
+        """From where the first value has been there for ever, (N, k) along axis 0."""
+        return recursive(self.sos, rows, settled=True)
 
 
 @lru_cache(maxsize=64)
 def butterworth(order: int, cutoff_hz: float, rate_hz: float) -> Sections:
-    """The low-pass; its design costs as much as filtering a short trial."""
-    return _sections(signal.butter(order, cutoff_hz, fs=rate_hz, output="sos"))
+    """The low-pass."""
+    return Sections(butterworth_sections(order, cutoff_hz, rate_hz))
 
 
 @lru_cache(maxsize=64)
 def chebyshev(order: int, ripple_dB: float, cutoff_hz: float, rate_hz: float) -> Sections:
-    """The same of a Chebyshev low-pass of type I."""
-    return _sections(signal.cheby1(order, ripple_dB, cutoff_hz, fs=rate_hz, output="sos"))
+    """A Chebyshev low-pass of type I."""
+    from scipy import signal  # noqa: PLC0415  (half a second, for one chain that few ask for)
 
-
-def _sections(sos: Floats) -> Sections:
-    return Sections(sos, signal.sosfilt_zi(sos))
+    return Sections(np.asarray(signal.cheby1(order, ripple_dB, cutoff_hz, fs=rate_hz, output="sos")))
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,9 +99,7 @@ class ZeroPhaseLowPass:
 
     def gain(self, frequency_hz: Floats, rate_hz: float) -> Floats:
         """Magnitude response of the two runs together."""
-        sections = butterworth(self.order, self.cutoff_hz, rate_hz)
-        _, response = signal.sosfreqz(sections.sos, frequency_hz, fs=rate_hz)
-        return np.abs(response) ** 2
+        return butterworth(self.order, self.cutoff_hz, rate_hz).gain(frequency_hz, rate_hz) ** 2
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,8 +129,7 @@ class SavitzkyGolay:
 
     def smooth(self, values: Floats, rate_hz: float) -> Floats:
         """The smoothed signal, along axis 0."""
-        result: Floats = signal.savgol_filter(values, self._window(rate_hz), self.order, axis=0)
-        return result
+        return self._derivative(values, rate_hz, 0)
 
     def differentiate(self, values: Floats, rate_hz: float) -> Floats:
         """The first derivative, per s, along axis 0."""
@@ -141,6 +141,8 @@ class SavitzkyGolay:
 
     def _derivative(self, values: Floats, rate_hz: float, times: int) -> Floats:
         window = self._window(rate_hz)
+        from scipy import signal  # noqa: PLC0415  (half a second, for one chain that few ask for)
+
         result: Floats = signal.savgol_filter(
             values, window, self.order, deriv=times, delta=1 / rate_hz, axis=0
         )
@@ -151,6 +153,20 @@ def central_difference(values: Floats, rate_hz: float) -> Floats:
     """(v[k+1] - v[k-1]) rate / 2 along axis 0; one-sided at the two ends."""
     result: Floats = np.gradient(values, 1 / rate_hz, axis=0)
     return result
+
+
+def windowed_sinc(window: Floats, cutoff: float) -> Floats:
+    """Taps (h,), of sum one, of the low-pass at `cutoff` periods per sample: the ideal's times a window."""
+    taps = window * np.sinc(2.0 * cutoff * (np.arange(len(window)) - (len(window) - 1) / 2))
+    return np.asarray(taps / taps.sum())
+
+
+def gaussian(values: Floats, sd_rows: float) -> Floats:
+    """(N, k) smoothed along axis 0 by a Gaussian of that standard deviation, mirrored at the ends."""
+    reach = int(4.0 * sd_rows + 0.5)
+    taps = np.exp(-0.5 * (np.arange(-reach, reach + 1) / max(sd_rows, 1e-9)) ** 2)
+    longer = np.pad(values, ((reach, reach), (0, 0)), mode="symmetric")
+    return FiniteResponse.of(taps / taps.sum()).apply(longer)
 
 
 _AT_ONCE = 8  # results of one product of matrices

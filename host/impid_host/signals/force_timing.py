@@ -10,10 +10,10 @@ Where a log has more rows than the sensor has readings, a reading is that of the
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy import signal
-from scipy.interpolate import CubicSpline
 
 from impid_host.signals.arrays import Floats, Mask
+from impid_host.signals.density import power_density
+from impid_host.signals.spline import Spline
 from impid_host.study.model import ForceSensor, RobotLog
 
 # The force follows a command directly, beside all springs and dampers, in the upper part of its band.
@@ -35,7 +35,7 @@ def as_means(log: RobotLog, sensor: ForceSensor) -> RobotLog:
     if log.perturbation is not None and np.any(log.perturbation):
         force = _averaged(force, log.perturbation[first], t)
     if not first.all():
-        spline = CubicSpline(t, force, axis=0)(np.clip(log.t, t[0], t[-1]))
+        spline = Spline(t, force)(np.clip(log.t, t[0], t[-1]))
         force = np.where(known[:, None], spline, np.nan)
     return replace(log, force=force)
 
@@ -90,7 +90,9 @@ def following(force: Floats, command: Floats, t: Floats) -> Following | None:
     What speed and displacement add follows the integrals. None where the command does not tell.
     """
     rate = 1.0 / float(np.median(np.diff(t)))
-    f, power = signal.welch(command, rate, nperseg=min(1024, len(command)), axis=0)
+    from scipy import signal  # noqa: PLC0415  (half a second, for trials with forces and a perturbation)
+
+    f, power = power_density(command, rate, min(1024, len(command)))
     reached = np.cumsum(power.sum(axis=1))
     if not reached[-1] > 0:
         return None

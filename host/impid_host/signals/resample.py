@@ -7,11 +7,11 @@ low-pass below half of that rate first, so that nothing folds.
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import signal
-from scipy.interpolate import CubicSpline
 
 from impid_host.errors import UndeterminedError
 from impid_host.signals.arrays import Floats, Mask
+from impid_host.signals.filters import FiniteResponse, windowed_sinc
+from impid_host.signals.spline import Spline
 
 SHORTEST_S = 2.0
 BRIDGED_PERIODS = 5.5
@@ -85,11 +85,11 @@ def thinned(values: Floats, factor: int) -> Floats:
     """
     if factor == 1:
         return values
-    taps = signal.firwin(2 * _FILTER_PERIODS * factor + 1, 1 / factor, window=("kaiser", 8.0))
+    taps = windowed_sinc(np.kaiser(2 * _FILTER_PERIODS * factor + 1, 8.0), 0.5 / factor)
     beyond = [(_FILTER_PERIODS * factor,) * 2] + [(0, 0)] * (values.ndim - 1)
     longer = np.pad(values, beyond, mode="reflect", reflect_type="odd")
-    kept: Floats = signal.upfirdn(taps, longer, up=1, down=factor, axis=0)
-    return kept[2 * _FILTER_PERIODS :][: -(-len(values) // factor)]
+    kept = FiniteResponse.of(taps, factor).apply(longer.reshape(len(longer), -1))
+    return kept.reshape(-1, *values.shape[1:])
 
 
 def _bridged_s(t: Floats) -> float:
@@ -126,7 +126,7 @@ def onto_grid(t: Floats, values: Floats, usable: Mask, grid: Grid) -> Floats:
 
 def _interpolated(t: Floats, values: Floats, usable: Mask, grid: Grid) -> Floats:
     knots, points, instants = t[usable], values[usable], grid.t
-    smooth: Floats = CubicSpline(knots, points, axis=0)(np.clip(instants, knots[0], knots[-1]))
+    smooth: Floats = Spline(knots, points)(np.clip(instants, knots[0], knots[-1]))
     wide = np.diff(knots) > _bridged_s(t)
     if not wide.any():
         return smooth

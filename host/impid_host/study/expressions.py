@@ -12,9 +12,9 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from simpleeval import SimpleEval
 
 from impid_host.errors import ImpidError
+from impid_host.extras import extra
 
 MAX_CHARACTERS = 1000
 
@@ -73,7 +73,7 @@ def evaluate(expression: str, column: Callable[[str], NDArray[np.float64]]) -> N
     if len(expression) > MAX_CHARACTERS:
         raise ExpressionError(f"is longer than {MAX_CHARACTERS} characters")
     functions = {name: _on_doubles(_of_operands(name, function)) for name, function in FUNCTIONS.items()}
-    evaluator = SimpleEval(
+    evaluator = extra("simpleeval", "a formula in a mapping").SimpleEval(
         operators={node: _on_doubles(function) for node, function in _OPERATORS.items()},
         functions=functions | {"col": _by_name(column)},
         names=lambda node: CONSTANTS[node.id] if node.id in CONSTANTS else column(node.id),
@@ -92,7 +92,7 @@ def evaluate(expression: str, column: Callable[[str], NDArray[np.float64]]) -> N
         raise ExpressionError(message[:200]) from None
 
 
-def _compare(evaluator: SimpleEval, node: ast.Compare) -> NDArray[np.float64]:
+def _compare(evaluator: Any, node: ast.Compare) -> NDArray[np.float64]:
     """One comparison, element by element: 1 where it holds, else 0."""
     if len(node.ops) != 1:
         raise ExpressionError("chains comparisons; multiply two of them instead")

@@ -2,8 +2,9 @@
 
 from collections.abc import Sequence
 from functools import cache
+from typing import Any
 
-import pint
+from impid_host.extras import extra
 
 _NAMES = {
     "s": "a time",
@@ -43,6 +44,9 @@ def factor_to_si(unit: str, target: str) -> float:
     Raises:
         UnitError: `unit` is unknown, has another dimension than `target`, or an offset (as degC has).
     """
+    if unit == target and target:
+        return 1.0
+    pint = extra("pint", f"the unit {unit!r} of a mapping")
     wanted = f"{_NAMES.get(target, 'a plain number')} such as {target or '1'} was expected"
     try:
         one = _registry().Quantity(1.0, unit or "dimensionless")
@@ -64,5 +68,5 @@ def factor_to_si(unit: str, target: str) -> float:
 
 
 @cache
-def _registry() -> "pint.UnitRegistry[float]":
-    return pint.UnitRegistry()
+def _registry() -> Any:
+    return extra("pint", "a unit of a mapping").UnitRegistry()

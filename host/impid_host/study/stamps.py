@@ -14,7 +14,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage
 
 from impid_host.signals.arrays import Floats, Mask
 from impid_host.study.model import StampFit
@@ -148,6 +147,8 @@ def _newly_missing(level: Floats, fewest: float) -> Floats:
     """Rows missing before each stamp by the steps of a level in periods, (K,) -> (K,) whole numbers."""
     if not np.isfinite(fewest):
         return np.zeros(len(level))
+    from scipy import ndimage  # noqa: PLC0415  (slow to import, for stamps that are poor)
+
     smooth = ndimage.median_filter(level, _LEVEL, mode="nearest")
     half = _LEVEL // 2
     jitter = 1.4826 * float(np.median(np.abs(level - smooth)))

@@ -13,8 +13,11 @@ import sys
 import threading
 from typing import Any, Self
 
+import numpy as np
+
 from impid_host.errors import LinkError
 from impid_host.recording.recorder import Progress
+from impid_host.view.scale import Scale
 from impid_host.wire.records import Decoded
 
 _READY_S = 20.0
@@ -31,7 +34,7 @@ class LiveView:
         skipped: pieces that the view was too busy to take.
     """
 
-    def __init__(self, process: subprocess.Popen[bytes], token: str) -> None:
+    def __init__(self, process: subprocess.Popen[bytes], token: str, shown: dict[str, Any]) -> None:
         assert process.stdin is not None
         self.token = token
         self.skipped = 0
@@ -41,15 +44,18 @@ class LiveView:
         self._waiting = bytearray()
         self._marks: queue.SimpleQueue[str] = queue.SimpleQueue()
         self._ready: queue.SimpleQueue[dict[str, Any] | None] = queue.SimpleQueue()
-        self._pipe.write(token.encode() + b"\n")
+        self._pipe.write(json.dumps({"token": token, **shown}).encode() + b"\n")
         self._pipe.flush()
         os.set_blocking(self._pipe.fileno(), False)
         threading.Thread(target=self._listen, name="live view", daemon=True).start()
         self.url = self._await_url()
 
     @classmethod
-    def start(cls, host: str = "127.0.0.1", port: int = 0) -> Self:
+    def start(cls, scale: Scale, rate_hz: float, host: str = "127.0.0.1", port: int = 0) -> Self:
         """Serve on host:port (0: any that is free).
+
+        Args:
+            scale: of the board, to physical units; rate_hz: of its samples.
 
         Raises:
             LinkError: it cannot serve there.
@@ -63,7 +69,8 @@ class LiveView:
             stderr=subprocess.DEVNULL,
             start_new_session=True,
         )
-        return cls(process, secrets.token_urlsafe(12))
+        shown = {"scale": scale.to_dict(), "rate_hz": rate_hz}
+        return cls(process, secrets.token_urlsafe(12), shown)
 
     def see(self, decoded: Decoded) -> None:
         """Pass on the samples of a chunk."""
@@ -80,6 +87,7 @@ class LiveView:
                     "ay": s.ay.tolist(),
                     "enc1": s.enc1.tolist(),
                     "enc2": s.enc2.tolist(),
+                    "flags": int(np.bitwise_or.reduce(s.flags)),
                 }
             )
 
@@ -94,7 +102,7 @@ class LiveView:
                 "stored": progress.counts.stored,
                 "lost": progress.counts.lost,
                 "damaged": progress.counts.bad_frames,
-                "clock": "not determined" if clock is None else str(clock),
+                "clock": None if clock is None else str(clock),
                 "skipped": self.skipped,
             }
         )

@@ -3,6 +3,10 @@
 Looking is free on the address that it serves. Whatever stops or writes something needs the token that the
 recorder's console printed. Requests that name another host are refused, so that no web page elsewhere can
 reach in by giving its own name the address of this machine.
+
+However many look, the work is bounded: a push is worked out and encoded once for all tabs; their number and
+the messages in a second are limited; a tab that is still busy with the last push misses this one, and one
+that takes nothing for ten seconds is dropped.
 """
 
 import asyncio
@@ -10,19 +14,23 @@ import contextlib
 import hmac
 import ipaddress
 import json
+import os
 import socket
 import sys
-from collections import deque
+from dataclasses import dataclass
 from importlib import resources
 from typing import Any
 
 from aiohttp import WSMsgType, web
 
-from impid_host.view.spectrum import SEGMENT, amplitude_spectrum
+from impid_host.view.lamp import Lamp
+from impid_host.view.scale import Scale
+from impid_host.view.stream import Stream
 
 _PAGE = {
     "/": ("page.html", "text/html"),
     "/view.js": ("view.js", "text/javascript"),
+    "/plot.js": ("plot.js", "text/javascript"),
     "/view.css": ("view.css", "text/css"),
 }
 _HEADERS = {
@@ -30,25 +38,35 @@ _HEADERS = {
     "X-Content-Type-Options": "nosniff",
     "Cache-Control": "no-store",
 }
-_PUSH_S = 0.05
-_SPECTRUM_EVERY = 10  # pushes
-_SERIES = ("index", "t_us", "ax", "ay", "enc1", "enc2")
-_KEPT = 4 * SEGMENT
+_PUSH_S = 0.1
+_SPECTRUM_S = 1.0
+_MESSAGES_PER_S = 1000  # to all tabs together: 200 tabs get five a second, ten get ten
+MOST_TABS = 300
+_PATIENCE_S = 10.0
 _LARGEST_MARK = 200
+_NICENESS = 5  # the recorder goes first
+
+
+@dataclass(slots=True, eq=False)
+class _Tab:
+    """Who looks; `busy_since` on the loop's clock while the last push is not gone yet."""
+
+    response: web.WebSocketResponse
+    request: web.Request
+    busy_since: float | None = None
 
 
 class View:
     """What the page shows, and who looks at it."""
 
-    def __init__(self, token: str, own_hosts: frozenset[str] | None) -> None:
+    def __init__(self, token: str, own_hosts: frozenset[str] | None, stream: Stream) -> None:
         self._token = token
         self._own_hosts = own_hosts
-        self._fresh: dict[web.WebSocketResponse, dict[str, list[int]]] = {}  # what each has not been sent
-        self._busy: set[web.WebSocketResponse] = set()
-        self._sending: set[asyncio.Task[None]] = set()
-        self._recent = {axis: deque[int](maxlen=_KEPT) for axis in ("ax", "ay")}
+        self._stream = stream
+        self._lamp = Lamp()
         self._progress: dict[str, Any] = {}
-        self._run: tuple[int, int] | None = None
+        self._tabs: set[_Tab] = set()
+        self._sending: set[asyncio.Task[None]] = set()
 
     def application(self) -> web.Application:
         """The routes."""
@@ -60,54 +78,55 @@ class View:
         application.router.add_post("/api/mark", self._mark)
         return application
 
-    def take(self, message: dict[str, Any]) -> None:
-        """A line of the recorder."""
+    def take(self, message: dict[str, Any], now: float) -> None:
+        """A line of the recorder; `now` on the loop's clock."""
         if message["kind"] == "progress":
             self._progress = message
+            self._lamp.progress(now, message)
             return
-        run = (message["boot_id"], message["run"])
-        if run != self._run:
-            self._run = run
-            for kept in self._recent.values():
-                kept.clear()
-            for fresh in self._fresh.values():
-                fresh.update(_nothing())
-        for fresh in self._fresh.values():
-            for name in _SERIES:
-                # A browser that hangs misses pieces instead of filling the memory.
-                fresh[name] = (fresh[name] + message[name])[-_KEPT:]
-        for axis, kept in self._recent.items():
-            kept.extend(message[axis])
+        codes = message["ax"], message["ay"]
+        first, constant = (codes[0][0], codes[1][0]), (_constant(codes[0]), _constant(codes[1]))
+        self._lamp.see(now, message["flags"], first, constant=constant)
+        self._stream.take(message)
 
     async def push_on(self) -> None:
         """Send what is new to everybody who can take it, for ever."""
-        turn = 0
+        clock = asyncio.get_running_loop().time
+        spectrum_at = 0.0
         while True:
-            await asyncio.sleep(_PUSH_S)
-            turn += 1
-            lines = self._spectrum() if turn % _SPECTRUM_EVERY == 0 else None
-            for each in self._fresh.keys() - self._busy:
-                self._busy.add(each)
-                fresh, self._fresh[each] = self._fresh[each], _nothing()
-                message = {"run": self._run, "samples": fresh, "progress": self._progress, "spectrum": lines}
-                task = asyncio.create_task(self._send(each, json.dumps(message, separators=(",", ":"))))
-                self._sending.add(task)
-                task.add_done_callback(self._sending.discard)
+            await asyncio.sleep(max(_PUSH_S, len(self._tabs) / _MESSAGES_PER_S))
+            now = clock()
+            lines = None
+            if now >= spectrum_at:
+                spectrum_at, lines = now + _SPECTRUM_S, self._stream.spectrum()
+            text = json.dumps(self._state(now) | {"spectrum": lines}, separators=(",", ":"))
+            for tab in tuple(self._tabs):
+                self._push(tab, text, now)
 
-    def _spectrum(self) -> dict[str, list[float]] | None:
-        if len(self._recent["ax"]) < SEGMENT:
-            return None
+    def _state(self, now: float) -> dict[str, Any]:
         return {
-            axis: [round(v, 3) for v in amplitude_spectrum(list(kept)).tolist()]
-            for axis, kept in self._recent.items()
+            "run": self._stream.run,
+            "points": self._stream.points(),
+            "progress": self._progress,
+            "lamp": self._lamp.light(now, self._progress).to_dict(),
+            "tabs": len(self._tabs),
         }
 
-    async def _send(self, to: web.WebSocketResponse, text: str) -> None:
+    def _push(self, tab: _Tab, text: str, now: float) -> None:
+        if tab.busy_since is None:
+            tab.busy_since = now
+            task = asyncio.create_task(self._send(tab, text))
+            self._sending.add(task)
+            task.add_done_callback(self._sending.discard)
+        elif now - tab.busy_since > _PATIENCE_S and tab.request.transport is not None:
+            tab.request.transport.abort()
+
+    async def _send(self, tab: _Tab, text: str) -> None:
         try:
             with contextlib.suppress(ConnectionError, RuntimeError):
-                await to.send_str(text)
+                await tab.response.send_str(text)
         finally:
-            self._busy.discard(to)
+            tab.busy_since = None
 
     @web.middleware
     async def _guard(self, request: web.Request, handler: Any) -> web.StreamResponse:
@@ -132,15 +151,20 @@ class View:
         return web.Response(text=text, content_type=kind, headers=_HEADERS)
 
     async def _socket(self, request: web.Request) -> web.WebSocketResponse:
-        response = web.WebSocketResponse(heartbeat=10.0, max_msg_size=1024)
+        if len(self._tabs) >= MOST_TABS:
+            raise web.HTTPServiceUnavailable(text=f"{MOST_TABS} pages look already; close some\n")
+        response = web.WebSocketResponse(heartbeat=_PATIENCE_S, max_msg_size=1024)
         await response.prepare(request)
-        self._fresh[response] = _nothing()
+        scale = self._stream.scale
+        await response.send_json({"angle_units": scale.angle_units, "source": scale.source})
+        tab = _Tab(response, request)
+        self._tabs.add(tab)
         try:
             async for message in response:  # nothing that comes this way has any effect
                 if message.type is WSMsgType.ERROR:
                     break
         finally:
-            self._fresh.pop(response, None)
+            self._tabs.discard(tab)
         return response
 
     async def _stop(self, _: web.Request) -> web.Response:
@@ -152,8 +176,8 @@ class View:
         return web.json_response({"done": "mark"})
 
 
-def _nothing() -> dict[str, list[int]]:
-    return {name: [] for name in _SERIES}
+def _constant(codes: list[int]) -> bool:
+    return min(codes) == max(codes)
 
 
 def _tell(message: dict[str, Any]) -> None:
@@ -165,19 +189,19 @@ async def _serve(host: str, port: int) -> None:
     lines = asyncio.StreamReader(limit=1 << 22)
     loop = asyncio.get_running_loop()
     await loop.connect_read_pipe(lambda: asyncio.StreamReaderProtocol(lines), sys.stdin)
-    token = (await lines.readline()).decode().strip()
+    order = json.loads(await lines.readline())
     listening = socket.create_server((host, port), family=_family(host))
     name = f"[{host}]" if ":" in host else host
     at = listening.getsockname()[1]
     own = frozenset({f"{name}:{at}", f"localhost:{at}"}) if ipaddress.ip_address(host).is_loopback else None
-    view = View(token, own)
+    view = View(order["token"], own, Stream(Scale.from_dict(order["scale"]), order["rate_hz"]))
     runner = web.AppRunner(view.application(), access_log=None)
     await runner.setup()
     await web.SockSite(runner, listening).start()
     _tell({"url": f"http://{name}:{at}/"})
     pushing = asyncio.create_task(view.push_on())
     while line := await lines.readline():
-        view.take(json.loads(line))
+        view.take(json.loads(line), loop.time())
     pushing.cancel()
     await runner.cleanup()
 
@@ -188,6 +212,8 @@ def _family(host: str) -> socket.AddressFamily:
 
 def main() -> None:
     """Serve until stdin ends: the recorder has gone."""
+    if hasattr(os, "nice"):
+        os.nice(_NICENESS)
     try:
         asyncio.run(_serve(sys.argv[1], int(sys.argv[2])))
     except (OSError, ValueError, OverflowError) as error:

@@ -1,103 +1,101 @@
 "use strict";
-// Four seconds of samples, drawn once per frame of the screen. Values are what the recording holds: codes, counts.
-const WINDOW = 4000;
-const COLOURS = ["#0b62a8", "#c25700"];
-const NAMES = ["index", "t_us", "ax", "ay", "enc1", "enc2"];
+// The last ten seconds in physical units, drawn when something new has come and the tab is seen.
+const WINDOW_S = 10;
+const NAMES = ["t", "acc_x", "acc_y", "angle_1", "angle_2"];
+const LEVELS = { good: "good", look: "look", bad: "wrong" };
 const byId = (id) => document.getElementById(id);
 const kept = Object.fromEntries(NAMES.map((name) => [name, []]));
 // For tests, and for whoever opens the console.
-const impid = { received: 0, missed: 0, lastIndex: -1, spectrum: null, progress: {}, frames: 0 };
+const impid = { received: 0, drawn: 0, spectrum: null, progress: {}, lamp: null, units: ["counts", "counts"], tabs: 0, problems: [] };
 window.impid = impid;
-let run = null;
-let rate = { at: performance.now(), stored: 0 };
+window.addEventListener("error", (event) => impid.problems.push(event.message));
+let run = "null";
+let rate = null;
+let fresh = true;
 
 function take(message) {
-  if (JSON.stringify(message.run) !== JSON.stringify(run)) {
-    run = message.run;
-    NAMES.forEach((name) => { kept[name].length = 0; });
-    impid.lastIndex = -1;
+  fresh = true;
+  if (message.angle_units) {
+    impid.units = message.angle_units;
+    byId("source").textContent = `units by ${message.source}`;
+    return;
   }
-  const fresh = message.samples;
-  if (fresh.index.length) {
-    if (impid.lastIndex >= 0) impid.missed += Math.max(0, fresh.index[0] - impid.lastIndex - 1);
-    impid.lastIndex = fresh.index[fresh.index.length - 1];
-    impid.received += fresh.index.length;
-    NAMES.forEach((name) => {
-      kept[name].push(...fresh[name]);
-      if (kept[name].length > WINDOW) kept[name].splice(0, kept[name].length - WINDOW);
-    });
-  }
+  const began = JSON.stringify(message.run);
+  if (began !== run) { run = began; NAMES.forEach((name) => { kept[name].length = 0; }); }
+  const points = message.points;
+  impid.received += points.t.length;
+  NAMES.forEach((name) => kept[name].push(...points[name]));
+  const old = kept.t.findIndex((t) => t > kept.t.at(-1) - WINDOW_S);
+  if (old > 0) NAMES.forEach((name) => kept[name].splice(0, old));
   if (message.spectrum) impid.spectrum = message.spectrum;
+  impid.tabs = message.tabs;
+  shine(message.lamp);
   if (message.progress.kind) tell(message.progress);
+}
+
+function shine(lamp) {
+  impid.lamp = lamp;
+  byId("lamp").className = lamp.level;
+  say("level", LEVELS[lamp.level]);
+  say("words", lamp.words.join("; "));
 }
 
 function tell(progress) {
   impid.progress = progress;
+  // By the board's clock, so that neither its pace nor this page's makes it flicker.
   const now = performance.now();
-  if (now - rate.at > 1000) {
-    byId("rate").textContent = `${Math.round((progress.stored - rate.stored) / (now - rate.at) * 1000)} /s`;
-    rate = { at: now, stored: progress.stored };
+  if (rate === null) rate = { at: now, elapsed_s: progress.elapsed_s, stored: progress.stored };
+  if (now - rate.at > 2000) {
+    const spent = progress.elapsed_s - rate.elapsed_s;
+    say("rate", spent > 0 ? `${Math.round((progress.stored - rate.stored) / spent)} Hz` : "0 Hz");
+    rate = { at: now, elapsed_s: progress.elapsed_s, stored: progress.stored };
   }
-  byId("elapsed").textContent = `${progress.elapsed_s.toFixed(1)} s`;
-  byId("stored").textContent = progress.stored;
+  say("elapsed", clock(progress.elapsed_s));
+  say("stored", progress.stored.toLocaleString("en"));
   count("lost", progress.lost);
   count("damaged", progress.damaged);
-  byId("clock").textContent = progress.clock;
-  state(progress.connected ? "recording" : "the board is gone, waiting for it", !progress.connected);
+  say("clock", progress.clock ?? "not determined");
 }
 
-function count(id, value) {
-  byId(id).textContent = value;
-  byId(id).classList.toggle("bad", value > 0);
-}
-
-function state(text, gone) {
-  byId("state").textContent = text;
-  byId("state").classList.toggle("gone", gone);
-}
-
-function plot(id, series, scale) {
-  const canvas = byId(id);
-  const ratio = window.devicePixelRatio || 1;
-  const width = Math.round(canvas.clientWidth * ratio);
-  const height = Math.round(canvas.clientHeight * ratio);
-  if (canvas.width !== width || canvas.height !== height) { canvas.width = width; canvas.height = height; }
-  const pen = canvas.getContext("2d");
-  pen.clearRect(0, 0, width, height);
-  const all = series.flat().map(scale);
-  if (all.length < 4) return;
-  let low = Infinity, high = -Infinity;
-  for (const value of all) { if (value < low) low = value; if (value > high) high = value; }
-  if (high === low) { low -= 1; high += 1; }
-  const left = 70 * ratio;
-  const y = (value) => height - 6 * ratio - (value - low) / (high - low) * (height - 12 * ratio);
-  pen.font = `${12 * ratio}px system-ui, sans-serif`;
-  pen.fillStyle = "#5b666e";
-  pen.strokeStyle = "#e3e6e8";
-  for (const value of [low, (low + high) / 2, high]) {
-    pen.beginPath(); pen.moveTo(left, y(value)); pen.lineTo(width, y(value)); pen.stroke();
-    pen.fillText(label(id, value), 2, Math.min(height - 2, Math.max(12 * ratio, y(value) + 4 * ratio)));
-  }
-  series.forEach((values, number) => {
-    const step = (width - left) / Math.max(1, values.length - 1);
-    pen.strokeStyle = COLOURS[number];
-    pen.lineWidth = 1.2 * ratio;
-    pen.beginPath();
-    values.forEach((value, k) => { const at = y(scale(value)); if (k) pen.lineTo(left + k * step, at); else pen.moveTo(left, at); });
-    pen.stroke();
-  });
-}
-
-function label(id, value) {
-  return id === "spectrum" ? (10 ** value).toPrecision(2) : String(Math.round(value));
-}
+// Words that stay the same are not written again, so that a screen reader says them once.
+function say(id, text) { if (byId(id).textContent !== String(text)) byId(id).textContent = text; }
+function count(id, value) { say(id, value); byId(id).classList.toggle("bad", value > 0); }
+function clock(s) { return s < 60 ? `${s.toFixed(1)} s` : `${Math.floor(s / 60)} min ${String(Math.floor(s % 60)).padStart(2, "0")} s`; }
 
 function draw() {
-  impid.frames += 1;
-  plot("acceleration", [kept.ax, kept.ay], (v) => v);
-  plot("encoders", [kept.enc1, kept.enc2], (v) => v);
-  if (impid.spectrum) plot("spectrum", [impid.spectrum.ax.slice(1), impid.spectrum.ay.slice(1)], (v) => Math.log10(Math.max(v, 1e-2)));
   requestAnimationFrame(draw);
+  if (!fresh) return;
+  fresh = false;
+  impid.drawn += 1;
+  const now = kept.t.at(-1) ?? WINDOW_S;
+  const begin = Math.max(0, now - WINDOW_S);
+  const time = { x: [begin, begin + WINDOW_S], xLabel: "time since the run began (s)", gap: 0.1 };
+  const lines = (...names) => names.map((name) => ({ x: kept.t, y: kept[name] }));
+  plot(byId("acceleration"), { ...time, yLabel: "m/s²", least: 0.5 }, lines("acc_x", "acc_y"));
+  const units = [...new Set(impid.units)].join(" and ");
+  const least = impid.units.includes("counts") ? 10 : 0.01;
+  plot(byId("angles"), { ...time, yLabel: units, least }, lines("angle_1", "angle_2"));
+  for (const name of NAMES.slice(1)) {
+    const value = kept[name].at(-1);
+    if (value !== undefined) say(`now_${name}`, named(name, value));
+  }
+  const found = impid.spectrum;
+  const x = found ? found.acc_x.map((_, k) => k * found.step_hz) : [];
+  const shown = found ? [found.acc_x, found.acc_y].map((y) => ({ x: x.slice(1), y: y.slice(1) })) : [];
+  plot(byId("spectrum"), { x: [0, 20], xLabel: "frequency (Hz)", yLabel: "m/s²", log: true, floor: 1e-6, gap: 1 }, shown);
+  say("peak", found ? peak(x, found) : "(after four seconds)");
+}
+
+function named(name, value) {
+  if (name.startsWith("acc")) return value.toFixed(2);
+  const unit = impid.units[Number(name.at(-1)) - 1];
+  return unit === "counts" ? `${Math.round(value)} counts` : `${value.toFixed(4)} ${unit}`;
+}
+
+function peak(x, found) {
+  let at = 1;
+  for (let k = 1; k < x.length; k++) if (found.acc_x[k] + found.acc_y[k] > found.acc_x[at] + found.acc_y[at]) at = k;
+  return `(largest at ${x[at].toFixed(2)} Hz)`;
 }
 
 async function ask(what, body) {
@@ -108,10 +106,14 @@ async function ask(what, body) {
 function connect() {
   const socket = new WebSocket(`ws://${location.host}/ws`);
   socket.onmessage = (event) => take(JSON.parse(event.data));
-  socket.onclose = () => { state("the recording has ended", true); setTimeout(connect, 2000); };
+  socket.onclose = () => {
+    shine({ level: "look", words: ["this page has lost the recorder: the recording has ended, or too many pages look"] });
+    setTimeout(connect, 2000 + 2000 * Math.random());
+  };
 }
 
 byId("stop").onclick = () => ask("stop", "");
 byId("mark").onclick = () => ask("mark", byId("text").value);
+window.addEventListener("resize", () => { fresh = true; });
 connect();
 draw();

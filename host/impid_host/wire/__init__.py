@@ -1,1 +1,1 @@
-"""Bytes and CAN frames to samples, by the message set in `impid.dbc`."""
+"""Bytes and CAN frames to samples, by the message set of `impid.dbc`."""

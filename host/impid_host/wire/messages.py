@@ -1,4 +1,4 @@
-"""The message set as numpy sees it: every layout and every number is read from `impid.dbc`.
+"""The message set as numpy sees it: every layout and every number is `impid.dbc`'s, by a table made from it.
 
 The signals of a message are shifts and masks on its eight bytes taken as one little-endian 64-bit word, so
 a million messages are unpacked by one numpy expression for each signal.
@@ -6,13 +6,12 @@ a million messages are unpacked by one numpy expression for each signal.
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from importlib import resources
-from typing import Any, cast
+from typing import Any
 
-import cantools
 import numpy as np
-from cantools.database.can import Database, Message, Signal
 from numpy.typing import ArrayLike, NDArray
+
+from impid_host.wire.message_table import MESSAGES, NAMES
 
 Words = NDArray[np.uint64]
 
@@ -22,18 +21,9 @@ SAMPLE_PERIOD_US = 1000
 SERIAL_BAUD = 921600
 
 
-def _load() -> Database:
-    text = resources.files(__package__).joinpath("impid.dbc").read_text(encoding="utf-8")
-    return cast("Database", cantools.database.load_string(text, database_format="dbc"))
-
-
-DATABASE: Database = _load()
-
-
 def choices(message: str, signal: str) -> dict[str, int]:
     """Names of the values of a signal, as the message set lists them: name -> number."""
-    named: Mapping[int, Any] = DATABASE.get_message_by_name(message).get_signal_by_name(signal).choices or {}
-    return {str(name): int(number) for number, name in named.items()}
+    return NAMES.get(f"{message}.{signal}", {})
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,14 +42,12 @@ class MessageLayout:
 
     @classmethod
     def of(cls, name: str) -> "MessageLayout":
-        """Layout of a message; ValueError if a signal is none that shifts and masks can read."""
-        message: Message = DATABASE.get_message_by_name(name)
-        if message.length != WORD_BYTES:
-            raise ValueError(f"{name} is {message.length} bytes long; a word holds {WORD_BYTES}")
-        for signal in message.signals:
-            _check_plain(name, signal)
-        fields = {s.name: (s.start, (1 << s.length) - 1) for s in message.signals}
-        return cls(name=name, frame_id=message.frame_id, fields=fields)
+        """Layout of a message of eight bytes; ValueError if it is longer or shorter."""
+        frame_id, size, signals = MESSAGES[name]
+        if size != WORD_BYTES:
+            raise ValueError(f"{name} is {size} bytes long; a word holds {WORD_BYTES}")
+        fields = {signal: (start, (1 << bits) - 1) for signal, (start, bits) in signals.items()}
+        return cls(name=name, frame_id=frame_id, fields=fields)
 
     def unpack(self, words: Words) -> dict[str, Words]:
         """Every signal of N messages: words of shape (N,) -> one uint64 array of shape (N,) per signal."""
@@ -79,28 +67,17 @@ class MessageLayout:
         return np.atleast_1d(word)
 
 
-def _check_plain(name: str, signal: Signal) -> None:
-    plain = (
-        signal.byte_order == "little_endian"
-        and not signal.is_signed
-        and signal.scale == 1
-        and signal.offset == 0
-    )
-    if not plain or signal.start + signal.length > WORD_BYTES * 8:
-        raise ValueError(f"{name}.{signal.name} is not a plain little-endian unsigned integer")
-
-
 def _header_dtype() -> np.dtype[Any]:
-    message = DATABASE.get_message_by_name("BATCH")
-    for signal in message.signals:
-        if signal.start % 8 or signal.length not in (8, 16, 32, 64):
-            raise ValueError(f"BATCH.{signal.name} is not a whole integer on a byte boundary")
+    _, size, signals = MESSAGES["BATCH"]
+    for signal, (start, bits) in signals.items():
+        if start % 8 or bits not in (8, 16, 32, 64):
+            raise ValueError(f"BATCH.{signal} is not a whole integer on a byte boundary")
     return np.dtype(
         {
-            "names": [s.name for s in message.signals],
-            "formats": [f"<u{s.length // 8}" for s in message.signals],
-            "offsets": [s.start // 8 for s in message.signals],
-            "itemsize": message.length,
+            "names": list(signals),
+            "formats": [f"<u{bits // 8}" for _, bits in signals.values()],
+            "offsets": [start // 8 for start, _ in signals.values()],
+            "itemsize": size,
         }
     )
 
@@ -117,9 +94,9 @@ TIME = MessageLayout.of("TIME")
 EPOCH = MessageLayout.of("EPOCH")
 # In the order of a record. On CAN STATUS_BUS closes the set, as before there were messages behind it.
 STATUS = tuple(
-    MessageLayout.of(m.name)
-    for m in sorted(DATABASE.messages, key=lambda m: m.frame_id)
-    if m.name.startswith("STATUS_")
+    MessageLayout.of(name)
+    for name in sorted(MESSAGES, key=lambda name: MESSAGES[name][0])
+    if name.startswith("STATUS_")
 )
 
 OPCODE = choices("COMMAND", "opcode")

@@ -44,6 +44,7 @@ class Rows:
     channels: int = 1
     base: int = 2
     alike: dict[str, str] = field(default_factory=dict)  # label -> label whose columns it has
+    loaded: frozenset[str] = frozenset()  # trials under load
     shaped: Callable[[float, np.ndarray], np.ndarray] = lambda shape, t: np.sin(2 * np.pi * shape * t)
 
     def __post_init__(self) -> None:
@@ -108,7 +109,7 @@ class Rows:
         def make(fresh: Sequence[Slot]) -> list[Run]:
             return self.runs(fresh, silent, base=False)
 
-        return table_of(self.runs(slots, target), slots, noise, make)
+        return table_of(self.runs(slots, target), slots, noise, make, self.loaded)
 
 
 def stacked(table: Table, base: Sequence[np.ndarray], slots: Sequence[int]) -> np.ndarray:

@@ -2,7 +2,15 @@
 
 import numpy as np
 import pytest
-from impid_host.diagnosis.noise import TAILS, autoregression, log_density, noise_models, tail_of, whitened
+from impid_host.diagnosis.noise import (
+    TAILS,
+    Rich,
+    autoregression,
+    log_density,
+    noise_models,
+    tail_of,
+    whitened,
+)
 from impid_host.diagnosis.rows import slots_of
 from scipy import stats
 from scipy.signal import lfilter
@@ -52,12 +60,26 @@ def test_a_channels_model_is_that_of_what_its_regression_leaves() -> None:
     colour = np.stack([second_order(10 + k, 3000, 1)[0] for k in range(3)])[None]
     target = rows.target({"friction.coulomb@joint1": 5.0}, noise=0.0) + colour
     runs = rows.runs(slots_of(rows.terms), target)
-    taps = noise_models(runs, np.array([0]))
+    taps = noise_models(runs, [Rich(np.array([0]), (frozenset(run.trial for run in runs),))])
     assert 1.0 / taps["torque", 0][0] == pytest.approx(SD, rel=0.03)
     first = whitened(runs, taps)[0]
     lost = len(taps["torque", 0]) - 1
     assert len(first.target) == 3000 - lost
     assert first.begin_s == pytest.approx(lost * 0.05)
+
+
+@pytest.mark.parametrize("loaded", [["free_02"], ["free_01", "free_03", "free_04"]])
+def test_an_effect_in_some_trials_only_is_no_noise(loaded: list[str]) -> None:
+    """White noise of 1; one set of coefficients for all trials would leave 2.3 and more."""
+    rows = Rows([term("friction.coulomb", "joint1")], trials=4, count=600)
+    target = rows.target({})
+    for k in range(4):
+        target[:, k] += 5.0 * (f"free_{k + 1:02d}" in loaded) * rows.of(rows.terms[0], 0.0)[:, k, :, 0]
+    runs = rows.runs(slots_of(rows.terms), target)
+    every = frozenset(run.trial for run in runs)
+    ways = [Rich(np.array([0]), way) for way in [(every,), (frozenset(loaded), every - frozenset(loaded))]]
+    assert 1.0 / noise_models(runs, ways)["torque", 0][0] == pytest.approx(1.0, rel=0.05)
+    assert 1.0 / noise_models(runs, ways[:1])["torque", 0][0] > 2.0
 
 
 @pytest.mark.parametrize("tail", [3.0, 10.0, 100.0])

@@ -88,3 +88,17 @@ def test_given_terms_stay_in() -> None:
 
 def test_the_rules_are_few() -> None:
     assert len(type(RULES).__dataclass_fields__) <= 14
+
+
+@pytest.mark.parametrize("when", ["all", "free", "load"])
+def test_an_effect_is_found_in_the_trials_that_have_it(when: str) -> None:
+    """Two of six trials are under load; what is in all trials is not said of some."""
+    loaded = frozenset({"free_02", "free_05"})
+    rows = Rows(MANY, trials=6, loaded=loaded)
+    target = rows.target({})
+    for k in range(6):
+        if when == "all" or (f"free_{k + 1:02d}" in loaded) == (when == "load"):
+            target[:, k] += 0.6 * rows.of(MANY[0], 0.0)[:, k, :, 0]
+    found = search(rows.table(target))
+    assert names(found) == {MANY[0].label}
+    assert [found.table.term(s).when for s in found.best.slots] == [when]

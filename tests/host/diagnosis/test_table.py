@@ -44,7 +44,7 @@ def test_coefficients_and_squares_are_numpys(made, slots: list[int]) -> None:
 
 def test_sweeping_out_leaves_what_is_left(made) -> None:
     table, target, base = made
-    left = swept(table.G, table.columns([0, 1]))
+    left = swept(table, table.columns([0, 1]))
     assert left.left == pytest.approx(least_squares(table, target, base, [0, 1])[1], rel=1e-6)
     P = left.G - left.W.T @ left.W
     assert np.abs(P[1:4]).max() < 1e-5 * np.abs(table.G).max()
@@ -54,13 +54,13 @@ def test_sweeping_out_leaves_what_is_left(made) -> None:
 def test_a_drop_is_the_difference_of_two_fits(made, active: list[int], s: int) -> None:
     table, target, base = made
     before, after = (least_squares(table, target, base, own)[1] for own in (active, [*active, s]))
-    left = swept(table.G, table.columns(active))
+    left = swept(table, table.columns(active))
     assert left.drop(table.slots[s].columns) == pytest.approx(before - after, rel=1e-4, abs=1e-3)
 
 
 def test_what_the_model_holds_already_drops_nothing(made) -> None:
     table, _, _ = made
-    left = swept(table.G, table.columns([1]))
+    left = swept(table, table.columns([1]))
     assert left.drop(table.slots[1].columns) == pytest.approx(0.0, abs=1e-6)
 
 
@@ -92,3 +92,52 @@ def test_columns_that_a_run_lacks_are_zero(made) -> None:
     table, _, _ = made
     run = replace(table.runs[0], used=np.array([1, 4]), design=np.ones((200, 2)))
     assert run.columns(np.array([0, 1, 4, 5])) == pytest.approx(np.tile([0.0, 1.0, 1.0, 0.0], (200, 1)))
+
+
+LOADED = frozenset({"free_02", "free_03"})
+
+
+def in_trials(rows: Rows, when: str) -> np.ndarray:
+    """1 in the trials of that kind, 0 elsewhere, (channels, trials, 1)."""
+    names = [f"free_{k + 1:02d}" in LOADED for k in range(rows.trials)]
+    return np.array([own == (when == "load") for own in names], dtype=float)[None, :, None]
+
+
+@pytest.mark.parametrize("when", ["free", "load"])
+@pytest.mark.parametrize("active", [[], [1, 2]])
+@pytest.mark.parametrize("s", [0, 3])
+def test_a_drop_in_some_trials_only_is_the_difference_of_two_fits(when, active: list[int], s: int) -> None:
+    rows = Rows(TERMS, count=200, channels=2, trials=3, loaded=LOADED)
+    target = rows.target({"friction.coulomb@joint1": 0.5, "elastic.joint@joint1": [1.0, -2.0]})
+    table = rows.table(target)
+    base = [rows.base_columns[c, k] for c in range(2) for k in range(3)]
+    own = rows.of(table.term(s), table.slots[s].shape) * in_trials(rows, when)[..., None]
+    X = stacked(table, base, active)
+    before, after = (squares_left(A, target) for A in (X, np.column_stack([X, own.reshape(len(X), -1)])))
+    left = swept(table, table.columns(active), when)
+    assert left.drop(table.slots[s].columns) == pytest.approx(before - after, rel=1e-4, abs=1e-3)
+
+
+def squares_left(X: np.ndarray, target: np.ndarray) -> float:
+    y = target.reshape(-1)
+    r = y - X @ np.linalg.lstsq(X, y, rcond=None)[0]
+    return float(r @ r)
+
+
+@pytest.mark.parametrize("when", ["free", "load"])
+def test_a_term_in_some_trials_only_has_its_columns_there_and_none_elsewhere(when) -> None:
+    rows = Rows(TERMS, count=200, channels=2, trials=3, loaded=LOADED)
+    whole = rows.table(rows.target({"friction.coulomb@joint1": 0.5}))
+    table = whole.only_in(whole.term(3), when)
+    fresh = [s for s in range(len(table.slots)) if s >= len(whole.slots)]
+    assert [table.slots[s].shape for s in fresh] == list(TERMS[3].shapes)
+    assert all(table.term(s).when == when for s in fresh)
+    for run in table.runs:
+        here = float((run.trial in LOADED) == (when == "load"))
+        assert run.columns(table.columns(fresh)) == pytest.approx(
+            here * run.columns(table.columns([3, 4, 5]))
+        )
+    left, half = swept(table, table.columns([1])), swept(table, table.columns([1]), when)
+    for s, of in zip(fresh, (3, 4, 5), strict=True):
+        drop = left.drop(table.slots[s].columns)
+        assert drop == pytest.approx(half.drop(table.slots[of].columns), rel=1e-4, abs=1e-3)

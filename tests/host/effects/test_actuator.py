@@ -43,7 +43,8 @@ def test_an_offset_is_one_newton_metre_on_its_joint_and_in_its_trials() -> None:
     for joint, name in enumerate(BOTH):
         block = term("actuator.offset", name).columns(VIEW, 0.0)["torque"]
         assert np.array_equal(block[..., 0], on(joint, np.ones(len(VIEW.t))))
-    loaded, free = (term("actuator.offset", "joint1", when=when) for when in ("load", "free"))
+    own = term("actuator.offset", "joint1")
+    loaded, free = replace(own, when="load"), replace(own, when="free")
     assert loaded.acts_in(VIEW)
     assert not free.acts_in(VIEW)
 

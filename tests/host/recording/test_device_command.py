@@ -4,7 +4,9 @@ import json
 import struct
 import time
 from pathlib import Path
+from typing import Any
 
+import cantools
 import numpy as np
 import pytest
 from boards import PtyBoard
@@ -15,7 +17,9 @@ from impid_host.cli import cli
 from impid_host.errors import ImpidError
 from impid_host.recording.reader import read_recording
 from impid_host.wire.frame import Header, encode_frame
-from impid_host.wire.messages import DATABASE, ITEM, KIND, OPCODE, RESULT
+from impid_host.wire.messages import ITEM, KIND, OPCODE, RESULT
+
+DATABASE: Any = cantools.database.load_file(Path(__file__).resolve().parents[3] / "protocol" / "impid.dbc")
 
 
 class KeepingBoard(PtyBoard):

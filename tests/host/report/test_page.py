@@ -75,10 +75,29 @@ def test_the_page_holds_everything_and_asks_nobody(page: Path) -> None:
     assert outside == []
     assert "P&lt;07&gt;" in text  # what a file says is text, never markup
     assert "P<07>" not in text
-    for part in ("Checks", "By the first model", "Residuals of whole trials", "Ellipses", "Provenance"):
+    for part in ("Checks", "Result", "Residuals of whole trials", "Ellipses", "Provenance"):
         assert f"<h2>{part}</h2>" in text
     assert "sha256 of free_01/robot.csv" in text
     assert "no cause was looked for" in text.lower()
+    assert "By the first model" not in text  # it is the only one
+    assert "kg·m²" in text
+    assert "kg*m^2" not in text
+
+
+def test_the_page_says_the_numbers_in_a_sentence(page: Path) -> None:
+    """The spring's own, with an interval that holds them."""
+    text = page.read_text(encoding="utf-8")
+    found = re.search(
+        r"<li>spring: stiffness ([\d.]+) ± ([\d.]+) N/m along x, ([\d.]+) ± ([\d.]+) N/m along y; "
+        r"inertia ([\d.]+) ± ([\d.]+) kg \(± is the 95 % interval\)</li>",
+        text,
+    )
+    assert found is not None
+    values = [float(part) for part in found.groups()]
+    for (value, half), truth in zip(
+        zip(values[::2], values[1::2], strict=True), (K[0, 0], K[1, 1], 0.5), strict=True
+    ):
+        assert abs(value - truth) < 3 * half
 
 
 def test_numbers_of_the_page_are_those_of_fit(page: Path) -> None:

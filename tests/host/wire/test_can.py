@@ -3,7 +3,9 @@
 import struct
 from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
+import cantools
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -11,9 +13,10 @@ from hypothesis import strategies as st
 from impid_host.samples import FLAG_RESET
 from impid_host.wire.can import CanDecoder
 from impid_host.wire.decoder import SerialDecoder
-from impid_host.wire.messages import DATABASE, OPCODE
+from impid_host.wire.messages import OPCODE
 from impid_host.wire.records import Decoded, Loss, join_segments
 
+DATABASE: Any = cantools.database.load_file(Path(__file__).resolve().parents[3] / "protocol" / "impid.dbc")
 GOLDEN = Path(__file__).parents[2] / "protocol" / "golden"
 Frame = tuple[int, bytes]
 SERIAL = SerialDecoder().feed((GOLDEN / "serial.bin").read_bytes())

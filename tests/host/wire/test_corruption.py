@@ -2,7 +2,10 @@
 
 import struct
 import zlib
+from pathlib import Path
+from typing import Any
 
+import cantools
 import numpy as np
 import pytest
 from cobs import cobs
@@ -11,8 +14,8 @@ from hypothesis import strategies as st
 from impid_host.wire.decoder import SerialDecoder
 from impid_host.wire.deframer import Deframer
 from impid_host.wire.frame import LARGEST_FRAME_BYTES
-from impid_host.wire.messages import DATABASE
 
+DATABASE: Any = cantools.database.load_file(Path(__file__).resolve().parents[3] / "protocol" / "impid.dbc")
 BATCH = DATABASE.get_message_by_name("BATCH")
 ACCEL = DATABASE.get_message_by_name("ACCEL")
 ENCODER = DATABASE.get_message_by_name("ENCODER")

@@ -1,12 +1,16 @@
 """Shifts and masks against cantools itself."""
 
+from pathlib import Path
+from typing import Any
+
 import cantools
 import numpy as np
 import pytest
 from cobs import cobs
 from impid_host.wire.frame import Header, encode_command, encode_frame
-from impid_host.wire.messages import DATABASE, HEADER, KIND, OPCODE, MessageLayout
+from impid_host.wire.messages import HEADER, KIND, OPCODE, MessageLayout, choices
 
+DATABASE: Any = cantools.database.load_file(Path(__file__).resolve().parents[3] / "protocol" / "impid.dbc")
 EIGHT_BYTES = [m.name for m in DATABASE.messages if m.length == 8]
 
 
@@ -41,11 +45,16 @@ def test_header_dtype_is_the_dbc_message() -> None:
     assert {n: int(np.frombuffer(payload, HEADER)[0][n]) for n in HEADER.names} == values
 
 
-def test_a_signal_that_shifts_cannot_read_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    text = 'VERSION ""\nBU_: A\nBO_ 1 M: 8 A\n SG_ s : 7|8@0- (1,0) [0|0] "" A\n'
-    monkeypatch.setattr("impid_host.wire.messages.DATABASE", cantools.database.load_string(text, "dbc"))
-    with pytest.raises(ValueError, match=r"M\.s is not a plain"):
-        MessageLayout.of("M")
+def test_names_of_values_are_those_of_the_dbc() -> None:
+    for message in DATABASE.messages:
+        for signal in message.signals:
+            named = {str(name): number for number, name in (signal.choices or {}).items()}
+            assert choices(message.name, signal.name) == named
+
+
+def test_a_message_that_is_no_word_is_refused() -> None:
+    with pytest.raises(ValueError, match="BATCH is 20 bytes long"):
+        MessageLayout.of("BATCH")
 
 
 def test_command_frame_by_hand() -> None:

@@ -9,7 +9,7 @@ the stochastic nonlinear distortion.
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.stats
+from scipy import special
 
 from impid_host.errors import UndeterminedError
 from impid_host.impedance.spectral.arrays import Complexes, Floats
@@ -130,9 +130,7 @@ def _excess_p_value(total: Floats, noise: Floats, M: int, P: int) -> float:
     n_f, n_y, _ = total.shape
     ratio = float(np.sum(total) / np.sum(noise)) if np.sum(noise) > 0 else np.inf
     effective = effective_count(noise)
-    return float(
-        scipy.stats.f.sf(ratio, 2 * (M - 1) * effective, 2 * M * (P - 1) * min(effective, n_f * n_y))
-    )
+    return float(special.fdtrc(2 * (M - 1) * effective, 2 * M * (P - 1) * min(effective, n_f * n_y), ratio))
 
 
 def effective_count(variance: Floats) -> float:

@@ -9,7 +9,7 @@ stiffness) answer at even harmonics, odd ones (friction, cubic springs) at the o
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.stats
+from scipy import special
 
 from impid_host.errors import UndeterminedError
 from impid_host.impedance.spectral.arrays import Complexes, Floats
@@ -130,5 +130,5 @@ def _level(mean: Complexes, noise: Floats, P: int) -> tuple[float, float]:
     ratio = power / floor if floor > 0 else np.inf
     # Few loud lines decide over a sum of unequal ones.
     count = len(mean) * effective_count(noise.mean(axis=0))
-    p_value = float(scipy.stats.f.sf(ratio, 2 * count, 2 * count * (P - 1)))
+    p_value = float(special.fdtrc(2 * count, 2 * count * (P - 1), ratio))
     return float(np.sqrt(max(0.0, power - floor))), p_value

@@ -8,7 +8,6 @@ means gamma^2, as everywhere else in it.
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.optimize
 
 from impid_host.errors import UndeterminedError
 from impid_host.impedance.spectral.arrays import Complexes, Floats
@@ -149,6 +148,8 @@ def _fit_element(frequency_Hz: Floats, z: Complexes, weight: Floats, floor: floa
     basis = np.stack([jw, np.ones(n_f), 1 / jw], axis=1)
     if not np.any(weight > 0):
         return np.zeros(3)
+    from scipy.optimize import least_squares  # noqa: PLC0415  (a fifth of a second)
+
     z_safe = np.where(np.abs(z) > floor, z, floor)
 
     def residual(parameters: Floats) -> Floats:
@@ -164,7 +165,7 @@ def _fit_element(frequency_Hz: Floats, z: Complexes, weight: Floats, floor: floa
 
     omega = 2 * np.pi * float(np.sqrt(frequency_Hz[0] * frequency_Hz[-1]))
     size = float(np.median(np.abs(z_safe)))
-    solution = scipy.optimize.least_squares(
+    solution = least_squares(
         residual,
         _linear_start(basis, z_safe, weight),
         jac=jacobian,

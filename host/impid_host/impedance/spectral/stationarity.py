@@ -7,7 +7,6 @@ for trend by reverse arrangements. The count of reverse arrangements is Kendall'
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.stats
 
 from impid_host.impedance.spectral.arrays import Floats
 
@@ -64,8 +63,10 @@ class StationarityCheck:
 
 def reverse_arrangements(x: Floats) -> tuple[int, float]:
     """Pairs i < j with x_i > x_j, and the two-sided p-value for an exchangeable sequence x, shape (k,)."""
+    from scipy.stats import kendalltau  # noqa: PLC0415  (half a second)
+
     falls = int(np.sum(np.triu(x[:, np.newaxis] > x[np.newaxis, :], 1)))
-    p_value = float(scipy.stats.kendalltau(np.arange(len(x)), x, method="auto").pvalue)
+    p_value = float(kendalltau(np.arange(len(x)), x, method="auto").pvalue)
     return falls, p_value
 
 

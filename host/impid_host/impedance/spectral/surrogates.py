@@ -13,13 +13,13 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import scipy.stats
 
 from impid_host.impedance.spectral.arrays import Complexes, Floats
 from impid_host.impedance.spectral.loop import Spectrum, dynamic_stiffness
 from impid_host.impedance.spectral.second_order import SecondOrderFit
 from impid_host.impedance.spectral.transforms import Sampling, Transforms, segment_transforms
 from impid_host.impedance.spectral.weighted_fit import WeightedFit
+from impid_host.signals.quantiles import NORMAL_975, student_975
 
 _SEED = 2007
 
@@ -61,7 +61,7 @@ def with_intervals(
         ]
     )
     # The surrogates' own mean is uncertain by 1 / count of their variance.
-    widening = scipy.stats.t.ppf(0.975, count - 1) / scipy.stats.norm.ppf(0.975) * np.sqrt(1 + 1 / count)
+    widening = student_975(count - 1) / NORMAL_975 * np.sqrt(1 + 1 / count)
     covariance = np.atleast_2d(np.cov(found, rowvar=False)) * widening**2
     shape = (3, *fit.M.shape)
     sd = np.sqrt(np.diag(covariance)).reshape(shape)

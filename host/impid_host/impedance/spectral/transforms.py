@@ -12,11 +12,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.ndimage
-import scipy.signal
 
 from impid_host.errors import UndeterminedError
 from impid_host.impedance.spectral.arrays import Complexes, Floats
 from impid_host.impedance.spectral.welch import WelchSetting
+from impid_host.signals.density import hann
 
 # Sixth-order central difference: relative error (w h)^6 / 140, 3e-8 at 10 Hz and 500 Hz.
 _DIFFERENCE = np.array([1.0, -9.0, 45.0, 0.0, -45.0, 9.0, -1.0]) / 60.0
@@ -134,18 +134,11 @@ def segment_transforms(x: Floats, sampling: Sampling) -> Complexes:
             f"a record of {len(x)} samples is shorter than one Welch window of {setting.n_window}; "
             "record longer or choose a shorter window"
         )
-    _, _, X = scipy.signal.spectrogram(
-        x,
-        fs=sampling.fs,
-        window="hann",
-        nperseg=setting.n_window,
-        noverlap=setting.n_overlap,
-        nfft=setting.n_fft,
-        detrend="constant",
-        mode="complex",
-        axis=0,
-    )
-    return np.ascontiguousarray(np.moveaxis(X[sampling.bins], 2, 0))
+    window = hann(setting.n_window)
+    parts = np.lib.stride_tricks.sliding_window_view(x, setting.n_window, axis=0)[:: setting.step]
+    parts = (parts - parts.mean(axis=-1, keepdims=True)) * (window / np.sqrt(sampling.fs * np.sum(window**2)))
+    X = np.fft.rfft(parts, setting.n_fft, axis=-1)[..., sampling.bins]
+    return np.ascontiguousarray(np.moveaxis(X, 2, 1))
 
 
 def pooled(a: Sequence[Complexes], b: Sequence[Complexes]) -> Complexes:
@@ -189,7 +182,7 @@ def time_weights(coefficients: Complexes, sampling: Sampling, samples: int) -> F
         Shape (q, samples).
     """
     setting = sampling.setting
-    window = scipy.signal.get_window("hann", setting.n_window)
+    window = hann(setting.n_window)
     scale = 1.0 / np.sqrt(sampling.fs * np.sum(window**2))
     spectrum = np.zeros((*coefficients.shape[:2], setting.n_fft // 2 + 1), dtype=np.complex128)
     spectrum[:, :, sampling.bins] = np.conj(coefficients) * (0.5 * setting.n_fft)

@@ -6,7 +6,7 @@ the variance of overlapping segments.
 
 from dataclasses import dataclass
 
-import scipy.signal
+from impid_host.signals.density import hann
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,7 +57,7 @@ def independent_averages(setting: WelchSetting, samples: int) -> float:
     [P] counts every segment as independent (5 and 45); 75 % overlap makes 45 segments worth 23.
     """
     segments = setting.segments(samples)
-    window = scipy.signal.get_window("hann", setting.n_window)
+    window = hann(setting.n_window)
     total = float(segments)
     for lag in range(1, min(segments, -(-setting.n_window // setting.step))):
         shift = lag * setting.step

@@ -1,11 +1,12 @@
 """All that is known about a study, worked out once for the page: checks, fit, diagnosis, verdict."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 from impid_host.checks import Agreement, Checks, agreement, check_study
 from impid_host.checks.of_diagnosis import beside_diagnosis
 from impid_host.checks.of_fit import gate_fit
+from impid_host.checks.pushes import Pushes, find_pushes
 from impid_host.diagnosis.diagnose import diagnose
 from impid_host.diagnosis.result import Diagnosis
 from impid_host.diagnosis.verdict import beside_checks
@@ -27,6 +28,7 @@ class Findings:
     Attributes:
         checks: of the input and of the last result there is; fit_checks: of the first model's fit alone.
         agreement: what was measured twice.
+        pushes: stretches unlike the rest in what the first model leaves, and the fit without them.
         fit, diagnosis: None where the data do not determine them, or they were not asked for.
         verdict: the opening sentence, as `diagnose` says it.
         missing: why a part is not there, a sentence each.
@@ -40,6 +42,7 @@ class Findings:
     diagnosis: Diagnosis | None
     verdict: str
     missing: tuple[str, ...] = ()
+    pushes: Pushes = field(default_factory=Pushes)
 
     @property
     def trusted(self) -> bool:
@@ -59,10 +62,11 @@ def gather(
     progress(f"{study.name}: checking")
     checks = check_study(study)
     missing: list[str] = []
-    fit, twice = None, None
+    first = None
     try:
         options = Options(chain=default_chain(study), terms=terms)
-        fit, twice, checks = fitted(study, options, checks, lambda words: progress(f"{study.name}: {words}"))
+        first = fitted(study, options, checks, lambda words: progress(f"{study.name}: {words}"))
+        checks = first.checks
     except UndeterminedError as error:
         missing.append(f"Nothing could be fitted: {error}")
     answer = None
@@ -73,34 +77,53 @@ def gather(
             missing.append(f"No cause was looked for: {error}")
     else:
         missing.append("No cause was looked for: the report was asked for without `diagnose`")
-    return _told(study, checks, twice, fit, answer, tuple(missing))
+    return _told(study, checks, first, answer, tuple(missing))
 
 
-def fitted(
-    study: Study, options: Options, checks: Checks, progress: Progress = _silent
-) -> tuple[StudyFit, Agreement, Checks]:
-    """A fit, what was measured twice, and `checks` with what physics and the second measurement say of it.
+@dataclass(frozen=True, slots=True)
+class FirstFit:
+    """A fit and what is to be said of it.
+
+    Attributes:
+        agreement: what was measured twice; checks: with what physics and the second measurement say.
+    """
+
+    fit: StudyFit
+    agreement: Agreement
+    pushes: Pushes
+    checks: Checks
+
+
+def fitted(study: Study, options: Options, checks: Checks, progress: Progress = _silent) -> FirstFit:
+    """Fit a study and look at the result.
+
+    Args:
+        checks: of the input, to be added to.
 
     Raises:
         UndeterminedError: as `fit_study`.
     """
     fit = fit_study(study, options, progress)
     twice = agreement(study, fit.loads)
-    return fit, twice, checks.with_more(gate_fit(fit)).with_more(twice.checks)
+    progress("looking for pushes")
+    pushes = find_pushes(study, fit, options)
+    return FirstFit(fit, twice, pushes, checks.with_more(gate_fit(fit)).with_more(twice.checks))
 
 
 def _told(
     study: Study,
     checks: Checks,
-    twice: Agreement | None,
-    fit: StudyFit | None,
+    first: FirstFit | None,
     answer: Diagnosis | None,
     missing: tuple[str, ...],
 ) -> Findings:
     """The verdict beside the checks: the last result decides, as in `diagnose`."""
+    fit = None if first is None else first.fit
+    twice = None if first is None else first.agreement
+    pushes = Pushes() if first is None else first.pushes
     if answer is None:
         words = beside_checks("; ".join(line[:1].lower() + line[1:] for line in missing), checks)
-        return Findings(study, checks, checks, twice, fit, None, words, missing)
+        return Findings(study, checks, checks, twice, fit, None, words, missing, pushes)
     last = beside_diagnosis(study, answer, checks)
     answer = replace(answer, verdict=beside_checks(answer.verdict, last))
-    return Findings(study, last, checks, twice, fit, answer, answer.verdict, missing)
+    return Findings(study, last, checks, twice, fit, answer, answer.verdict, missing, pushes)

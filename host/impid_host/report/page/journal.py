@@ -5,6 +5,7 @@ from pathlib import Path
 import matplotlib as mpl
 
 mpl.use("Agg")
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from impid_host.report.page.plot import COLOURS, DASHES, Plot
@@ -35,6 +36,16 @@ def _figure(plot: Plot) -> Figure:
     size = (ONE_COLUMN_IN, ONE_COLUMN_IN) if plot.square else (TWO_COLUMNS_IN, 2.3)
     figure = Figure(figsize=size)
     axes = figure.subplots()
+    draw_on(axes, plot)
+    handles, labels = axes.get_legend_handles_labels()
+    own = dict(zip(labels, handles, strict=True))
+    if own:
+        figure.legend(own.values(), own.keys(), loc="outside lower center", ncols=min(len(own), 4))
+    return figure
+
+
+def draw_on(axes: Axes, plot: Plot) -> None:
+    """One plot into the axes of a figure; the legend is the caller's."""
     for span in plot.spans:
         hatch = "////" if span.kind == "event" else None
         axes.axvspan(
@@ -60,8 +71,3 @@ def _figure(plot: Plot) -> Figure:
         axes.margins(x=0)
     if plot.y_range is not None:
         axes.set_ylim(plot.y_range)
-    handles, labels = axes.get_legend_handles_labels()
-    own = dict(zip(labels, handles, strict=True))
-    if own:
-        figure.legend(own.values(), own.keys(), loc="outside lower center", ncols=min(len(own), 4))
-    return figure

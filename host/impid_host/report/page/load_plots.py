@@ -1,6 +1,6 @@
 """A load as plots: ellipses of stiffness, damping and inertia, and its force, estimated and measured."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -11,11 +11,13 @@ from impid_host.impedance.identify import LoadFit, Method
 from impid_host.impedance.loads import Signal
 from impid_host.impedance.rows import Series
 from impid_host.report.ellipses import PANELS, draws, ellipse
-from impid_host.report.page.plot import Line, Plot, Role
-from impid_host.report.page.residual_plots import broken, event_spans, held_out
+from impid_host.report.page.plot import Line, Plot, Role, Span
+from impid_host.report.page.residual_plots import broken, held_out
 from impid_host.signals.arrays import Floats
 
 _ROLES: dict[Method, Role] = {"virtual sensor": "first", "physical sensor": "floor"}
+Marks = Callable[[str], list[Span]]
+"""Name of a trial -> its stretches that need a word."""
 _DRAWN = 24  # of the estimate's distribution, behind each ellipse
 
 
@@ -76,9 +78,12 @@ def _ellipse(matrix: Floats, name: str, role: Role, *, faint: bool = False) -> L
     return Line(around[:, 0], around[:, 1], name, role, faint=faint)
 
 
-def force_plots(fit: StudyFit, notes: tuple[str, ...] = ()) -> list[Plot]:
+def force_plots(fit: StudyFit, marks: Marks) -> list[Plot]:
     """Of every trial under load its force over the whole trial: by the virtual sensor and as measured, and
     their difference; without a physical sensor beside the load's model.
+
+    Args:
+        marks: events of a trial.
     """
     plots: list[Plot] = []
     for load in dict.fromkeys(own.load for own in fit.loads):
@@ -86,13 +91,11 @@ def force_plots(fit: StudyFit, notes: tuple[str, ...] = ()) -> list[Plot]:
         first = next(iter(fits.values()))
         for part in first.series:
             for column, axis in enumerate(first.model.axes):
-                plots += _force(fits, part.trial, column, axis, notes)
+                plots += _force(fits, part.trial, column, axis, marks)
     return plots
 
 
-def _force(
-    fits: dict[Method, LoadFit], trial: str, column: int, axis: str, notes: tuple[str, ...]
-) -> Iterator[Plot]:
+def _force(fits: dict[Method, LoadFit], trial: str, column: int, axis: str, marks: Marks) -> Iterator[Plot]:
     """The regression's target is -F_ext; the plot shows F_ext."""
     series = {
         method: next((part for part in fit.series if part.trial == trial), None)
@@ -119,7 +122,7 @@ def _force(
         x_label="time since the trial began (s)",
         y_label=f"{letter} ({unit})",
         lines=tuple(lines),
-        spans=(*held_out(part.t[part.shown], part.held_out[part.shown]), *event_spans(notes, trial)),
+        spans=(*held_out(part.t[part.shown], part.held_out[part.shown]), *marks(trial)),
     )
     yield plot
     if len(known) == 2:

@@ -5,9 +5,10 @@ from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 
+from impid_host.checks.pushes import Pushes
 from impid_host.diagnosis.result import UNATTRIBUTED, Diagnosis, Finding, Trace
 from impid_host.impedance.campaign import StudyFit
-from impid_host.impedance.identify import RobotFit
+from impid_host.impedance.identify import LoadFit, RobotFit
 from impid_host.impedance.rows import Series
 from impid_host.report.diagnosis_figures import binned
 from impid_host.report.diagnosis_units import channel_unit, structure_words, variable_unit
@@ -27,6 +28,14 @@ def event_spans(notes: Iterable[str], trial: str) -> list[Span]:
     found = (shape.match(note) for note in notes)
     return [
         Span(float(m[1]), float(m[2]), f"event{': ' + m[3] if m[3] else ''}", "event") for m in found if m
+    ]
+
+
+def push_spans(pushes: Pushes, trial: str) -> list[Span]:
+    """The same of what `fit` found."""
+    return [
+        Span(push.begin_s, push.end_s, f"event: {'in the fit' if push.fitted else 'held out'}", "event")
+        for push in pushes.of(trial)
     ]
 
 
@@ -63,18 +72,26 @@ def _residual(diagnosis: Diagnosis, trace: Trace, first: str) -> Plot:
     )
 
 
-def fit_residual_plots(fit: StudyFit) -> list[Plot]:
+def fit_residual_plots(fit: StudyFit, pushes: Pushes) -> list[Plot]:
     """The same of a fit without a diagnosis: what the first model leaves."""
-    plots: list[Plot] = []
-    if isinstance(fit.robot, RobotFit):
-        for part in fit.robot.series:
-            labels = [(f"tau{joint + 1}", _slide(fit, joint)) for joint in fit.robot.joints]
-            plots += _left(part, labels, "robot model")
+    plots = robot_residual_plots(fit, pushes)
     for own in fit.loads:
-        labels = [(f"f{axis}", own.model.force_unit.replace("*", " ")) for axis in own.model.axes]
-        for part in own.series:
-            plots += _left(part, labels, own.method)
+        plots += load_residual_plots(own, pushes)
     return plots
+
+
+def robot_residual_plots(fit: StudyFit, pushes: Pushes) -> list[Plot]:
+    """What the robot's model leaves of the torque of each free trial."""
+    if not isinstance(fit.robot, RobotFit):
+        return []
+    labels = [(f"tau{joint + 1}", _slide(fit, joint)) for joint in fit.robot.joints]
+    return [plot for part in fit.robot.series for plot in _left(part, labels, "robot model", pushes)]
+
+
+def load_residual_plots(fit: LoadFit, pushes: Pushes) -> list[Plot]:
+    """What a load's model leaves of the force of each of its trials."""
+    labels = [(f"f{axis}", fit.model.force_unit.replace("*", " ")) for axis in fit.model.axes]
+    return [plot for part in fit.series for plot in _left(part, labels, fit.method, pushes)]
 
 
 def _slide(fit: StudyFit, joint: int) -> str:
@@ -82,7 +99,7 @@ def _slide(fit: StudyFit, joint: int) -> str:
     return parameters.structure.torque_units[joint].replace("*", " ")
 
 
-def _left(part: Series, labels: Sequence[tuple[str, str]], by: str) -> Iterator[Plot]:
+def _left(part: Series, labels: Sequence[tuple[str, str]], by: str, pushes: Pushes) -> Iterator[Plot]:
     shown = part.shown
     for column, (name, unit) in enumerate(labels):
         rest = (part.target - part.fit)[shown, column]
@@ -92,7 +109,7 @@ def _left(part: Series, labels: Sequence[tuple[str, str]], by: str) -> Iterator[
             x_label="time since the trial began (s)",
             y_label=f"{name} ({unit})",
             lines=(Line(*broken(part.t[shown], rest), "left by the model", "second"),),
-            spans=tuple(held_out(part.t[shown], part.held_out[shown])),
+            spans=(*held_out(part.t[shown], part.held_out[shown]), *push_spans(pushes, part.trial)),
             caption=f"rms {_rms(rest):.2g} {unit}",
         )
 

@@ -1,5 +1,6 @@
 """The terminal's tables for the page, and two that only the page has."""
 
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import zip_longest
@@ -9,26 +10,12 @@ from rich.table import Table
 
 from impid_host.checks import Checks
 from impid_host.diagnosis.result import Diagnosis
-from impid_host.impedance.campaign import StudyFit
-from impid_host.impedance.identify import RobotFit
-from impid_host.report.check_tables import agreement_table, with_marks
+from impid_host.report.check_tables import with_marks
 from impid_host.report.diagnosis_tables import effect_table, entries_of, parameter_table, stage_table
-from impid_host.report.fit_tables import (
-    force_table,
-    load_table,
-    number,
-    partial_table,
-    robot_table,
-    spectral_table,
-)
+from impid_host.report.fit_parts import Besides, fit_parts
+from impid_host.report.fit_tables import number
 from impid_host.report.page.findings import Findings
 from impid_host.robot.model import robot_model
-
-_FIT_INTERVALS = {
-    "virtual sensor": "Method 1: noise of torque and motion as coloured as it was found, and the uncertainty "
-    "of the robot's parameters",
-    "physical sensor": "Method 2: noise of force and motion as coloured as it was found",
-}
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,8 +41,13 @@ def of_terminal(table: Table) -> PageTable:
     )
 
 
+_UNIT = re.compile(r"[A-Za-z]+(?:[*/^][A-Za-z0-9]+)+")
+
+
 def _plain(cell: object) -> str:
-    return "" if cell is None else str(cell).replace(" +- ", " ± ").replace("+- ", "± ")
+    """A cell of the terminal as people print it: kg·m² for kg*m^2, ± for +-."""
+    text = "" if cell is None else str(cell).replace(" +- ", " ± ").replace("+- ", "± ")
+    return text.replace("*", "·").replace("^2", "²") if _UNIT.fullmatch(text) else text
 
 
 def result_table(diagnosis: Diagnosis, units: Mapping[str, str]) -> Table:
@@ -69,7 +61,8 @@ def result_table(diagnosis: Diagnosis, units: Mapping[str, str]) -> Table:
     table = Table(title="Result: the last model")
     for head in ("", "value", "± (95 %)", *(f"of it by\n{cause}" for cause in causes), "unit"):
         table.add_column(head, justify="left" if head in ("", "unit") else "right")
-    for entry in entries_of(stage):
+    # The arm before the robot: it is what was asked for.
+    for entry in sorted(entries_of(stage), key=lambda each: each.load == ""):
         ci = np.array([entry.value - entry.half, entry.value + entry.half])
         parts = [entry.parts.get(cause) for cause in causes]
         table.add_row(
@@ -111,29 +104,18 @@ def effects(findings: Findings) -> list[PageTable]:
 
 def fit_tables(findings: Findings) -> list[PageTable]:
     """What `fit` prints, with what its intervals hold."""
-    if findings.fit is None:
-        return []
-    return [_marked(table, findings.fit_checks) for table in _of_fit(findings.fit, findings)]
+    return [_marked(part, findings.fit_checks) for part in _of_fit(findings) if isinstance(part, Table)]
 
 
-def _of_fit(fit: StudyFit, findings: Findings) -> Iterator[Table]:
-    if isinstance(fit.robot, RobotFit):
-        yield robot_table(fit.robot)
-    for load in dict.fromkeys(own.load for own in fit.loads):
-        fits = [own for own in fit.loads if own.load == load]
-        table = load_table(fits)
-        held = "; ".join(_FIT_INTERVALS[own.method] for own in fits)
-        table.caption = f"The intervals hold, by {held}. They hold no tolerance of lengths or gains."
-        yield table
-        shaken = [own for own in fit.spectral if own.load == load]
-        if shaken:
-            yield spectral_table(shaken)
-    for some in fit.partial:
-        yield partial_table(some)
-    for compared in fit.forces:
-        yield force_table(compared)
-    if findings.agreement is not None and findings.agreement.pairs:
-        yield agreement_table(findings.agreement)
+def fit_words(findings: Findings) -> tuple[str, ...]:
+    """What `fit` says where it has no table."""
+    return tuple(part for part in _of_fit(findings) if isinstance(part, str))
+
+
+def _of_fit(findings: Findings) -> Iterator[Table | str]:
+    if findings.fit is not None:
+        besides = Besides(findings.pushes, findings.agreement)
+        yield from fit_parts(findings.fit, besides, explained=True)
 
 
 def _marked(table: Table, checks: Checks) -> PageTable:

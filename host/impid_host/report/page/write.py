@@ -1,10 +1,11 @@
 """Findings to one HTML file that holds everything it shows."""
 
+import re
 from collections.abc import Sequence
 from importlib import resources
 
 import jinja2
-from markupsafe import Markup
+from markupsafe import Markup, escape
 
 from impid_host.cli.checked import unconfirmed
 from impid_host.diagnosis.result import UNATTRIBUTED
@@ -13,13 +14,16 @@ from impid_host.report.diagnosis_units import structure_words
 from impid_host.report.page import tables
 from impid_host.report.page.bode_plots import bode_plots
 from impid_host.report.page.findings import Findings
+from impid_host.report.page.in_short import in_short
 from impid_host.report.page.load_plots import ellipse_plots, force_plots
-from impid_host.report.page.plot import Plot
+from impid_host.report.page.plot import Plot, Span
 from impid_host.report.page.provenance import provenance, sessions
 from impid_host.report.page.quality import quality_table
 from impid_host.report.page.residual_plots import (
+    event_spans,
     fit_residual_plots,
     leftover_plots,
+    push_spans,
     residual_plots,
     signature_plots,
 )
@@ -38,7 +42,10 @@ def write_page(everything: Sequence[Findings], command: Sequence[str], extra: Se
     environment = _environment()
     here = resources.files("impid_host.report.page")
     return environment.get_template("page.html.jinja").render(
-        studies=[(own, sessions(own.study), _opening(own), sections(own, command)) for own in everything],
+        studies=[
+            (own, sessions(own.study), _opening(own), in_short(own), sections(own, command))
+            for own in everything
+        ],
         extra=list(extra),
         css=Markup((here / "page.css").read_text(encoding="utf-8")),
         js=Markup((here / "page.js").read_text(encoding="utf-8")),
@@ -60,10 +67,16 @@ def _environment() -> jinja2.Environment:
         undefined=jinja2.StrictUndefined,
     )
     environment.filters |= {
+        "coded": _coded,
         "svg": lambda plot: Markup(svg(plot)),
         "swatch": lambda line: Markup(swatch(line)),
     }
     return environment
+
+
+def _coded(text: str) -> Markup:
+    """Text in which `this` is code."""
+    return Markup(re.sub(r"`([^`]+)`", r"<code>\1</code>", str(escape(text))))
 
 
 def figures(findings: Findings) -> list[Plot]:
@@ -87,24 +100,18 @@ def _all(findings: Findings, command: Sequence[str]) -> list[Section]:
     fit, answer = findings.fit, findings.diagnosis
     notes = () if answer is None else answer.notes
     return [
-        Section(
-            "Result",
-            "M is inertia, B damping, K stiffness, x0 the place of rest; alpha are the robot's parameters.",
-            tuple(tables.diagnosis_tables(findings)),
-            words=findings.missing,
-        ),
-        Section(
-            "By the first model",
-            "What a fit without the effects found would have reported, by each force sensor.",
-            tuple(tables.fit_tables(findings)),
-        ),
+        *_results(findings),
         _effects(findings),
         Section(
             "Residuals of whole trials",
             "What the model leaves. Good: a band as thin as the noise, the same everywhere. Slow waves, "
             "steps at turning points and stretches unlike the rest are things that the model lacks.",
             plots=tuple(
-                residual_plots(answer) if answer is not None else fit_residual_plots(fit) if fit else ()
+                residual_plots(answer)
+                if answer is not None
+                else fit_residual_plots(fit, findings.pushes)
+                if fit
+                else ()
             ),
             words=notes,
         ),
@@ -117,7 +124,7 @@ def _all(findings: Findings, command: Sequence[str]) -> list[Section]:
         Section(
             "Force, estimated and measured",
             "The virtual sensor's force beside the physical sensor's, or, without one, the load model's.",
-            plots=tuple(force_plots(fit, notes) if fit else ()),
+            plots=tuple(force_plots(fit, lambda trial: _events(findings, trial)) if fit else ()),
         ),
         Section(
             "Frequency response",
@@ -127,6 +134,26 @@ def _all(findings: Findings, command: Sequence[str]) -> list[Section]:
         Section("Data quality", "", (tables.of_terminal(quality_table(findings.study, fit)),)),
         Section("Provenance", "", (tables.provenance_table(provenance(findings, command)),), shut=True),
     ]
+
+
+def _results(findings: Findings) -> list[Section]:
+    """The last model first; without a diagnosis the fit is all there is."""
+    letters = "M is inertia, B damping, K stiffness, x0 the place of rest; alpha are the robot's parameters."
+    fitted, words = tuple(tables.fit_tables(findings)), tables.fit_words(findings)
+    if findings.diagnosis is None:
+        return [Section("Result", letters, fitted, words=words)]  # why no more stands in the opening
+    about = "What a fit without the effects found would have reported, by each force sensor."
+    return [
+        Section("Result", letters, tuple(tables.diagnosis_tables(findings)), words=findings.missing),
+        Section("By the first model", about, fitted, words=words),
+    ]
+
+
+def _events(findings: Findings, trial: str) -> list[Span]:
+    """Stretches unlike the rest: the diagnosis' where there is one, else the fit's."""
+    if findings.diagnosis is not None:
+        return event_spans(findings.diagnosis.notes, trial)
+    return push_spans(findings.pushes, trial)
 
 
 def _effects(findings: Findings) -> Section:
