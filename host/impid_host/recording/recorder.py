@@ -11,6 +11,7 @@ from dataclasses import asdict, dataclass
 from math import inf
 from typing import Any, Literal, Protocol
 
+from impid_host.clock import device
 from impid_host.clock.device import EXCHANGE_RATE_HZ, ClockEstimate, ClockExchange, OnlineClock
 from impid_host.errors import InputError, LinkError
 from impid_host.link.client import BoardClient
@@ -112,6 +113,7 @@ class Recorder:
         self._duration_s = inf
         self._enough: tuple[int, int] | None = None  # run, and the last stamp that belongs to the recording
         self._connected = True
+        device.load()
         client.listener = self
 
     def run(

@@ -127,5 +127,8 @@ def _open(piece: bytes) -> bytes | None:
     if raw[_VERSION_AT] != PROTOCOL_VERSION:
         return None
     records_bytes = len(raw) - _HEADER_BYTES - CRC_BYTES
-    fits = any(records_bytes == raw[_COUNT_AT] * size for size in RECORD_BYTES.get(raw[_KIND_AT], ()))
-    return raw if fits else None
+    count = raw[_COUNT_AT]
+    for size in RECORD_BYTES.get(raw[_KIND_AT], ()):
+        if records_bytes == count * size:
+            return raw
+    return None

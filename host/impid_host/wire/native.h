@@ -1,39 +1,46 @@
-/* The hot loops of the serial decoder. What they know of the wire comes from the message set, by arguments. */
+/* The hot loops of the serial decoder. What they know of the wire comes from
+ * the message set, by arguments. */
 #ifndef IMPID_WIRE_NATIVE_H
 #define IMPID_WIRE_NATIVE_H
 
-/* How a frame is recognised: bytes of header and CRC, where its fields stand, and the sizes of a record of each
-   kind (two at most, 0: none). */
+/* How a frame is recognised: bytes of header and CRC, where its fields stand,
+   and the sizes of a record of each kind (two at most, 0: none). */
 typedef struct {
-    uint32_t header_bytes, kind_at, version_at, count_at, version, largest;
-    uint32_t record_bytes[256][2];
+  uint32_t header_bytes, kind_at, version_at, count_at, version, largest;
+  uint32_t record_bytes[256][2];
 } impid_frame_layout;
 
-/* What a piece held. joined and overlong go in and come out: a delimiter was seen; within a run too long for a frame. */
+/* What a piece held. joined and overlong go in and come out: a delimiter was
+ * seen; within a run too long for a frame. */
 typedef struct {
-    size_t frames, record_bytes, pending_at;
-    uint64_t bad, discarded;
-    int32_t joined, overlong;
+  size_t frames, record_bytes, pending_at;
+  uint64_t bad, discarded;
+  int32_t joined, overlong;
 } impid_deframed;
 
-/* Good frames of data: header after header, record after record, and where each frame's records end. The room for
-   records and headers is that of the data, for ends one per byte at most. scratch holds one frame. */
-void impid_deframe(const impid_frame_layout *layout, const uint8_t *data, size_t bytes, uint8_t *scratch,
-                   uint8_t *headers, uint8_t *records, int64_t *ends, impid_deframed *result);
+/* Good frames of data: header after header, record after record, and where each
+   frame's records end. The room for records and headers is that of the data,
+   for ends one per byte at most. scratch holds one frame. */
+void impid_deframe(const impid_frame_layout *layout, const uint8_t *data,
+                   size_t bytes, uint8_t *scratch, uint8_t *headers,
+                   uint8_t *records, int64_t *ends, impid_deframed *result);
 
 /* Where a signal lies in its word: shift and mask. */
 typedef struct {
-    uint32_t shift;
-    uint64_t mask;
+  uint32_t shift;
+  uint64_t mask;
 } impid_signal;
 
-/* ACCEL: ax, ay, index_low16, flags, enc1_high4, enc2_high4. ENCODER: enc1_low28, enc2_low28, index_low8. */
+/* ACCEL: ax, ay, index_low16, flags, enc1_high4, enc2_high4. ENCODER:
+ * enc1_low28, enc2_low28, index_low8. */
 typedef struct {
-    impid_signal accel[6], encoder[3];
+  impid_signal accel[6], encoder[3];
 } impid_sample_layout;
 
-/* Samples of two words. index is what the header says; returns how many contradict it, marked in wrong. */
-size_t impid_unpack(const impid_sample_layout *layout, const uint64_t *words, size_t samples, const uint32_t *index,
-                    uint8_t flags_kept, uint16_t *ax, uint16_t *ay, int32_t *enc1, int32_t *enc2, uint8_t *flags,
-                    uint8_t *wrong);
+/* Samples of two words. index is what the header says; returns how many
+ * contradict it, marked in wrong. */
+size_t impid_unpack(const impid_sample_layout *layout, const uint64_t *words,
+                    size_t samples, const uint32_t *index, uint8_t flags_kept,
+                    uint16_t *ax, uint16_t *ay, int32_t *enc1, int32_t *enc2,
+                    uint8_t *flags, uint8_t *wrong);
 #endif

@@ -58,6 +58,29 @@ def test_a_recording_holds_every_sample_the_board_produced(board, out: Path) -> 
     assert [e.name for e in recording.events] == ["start", "run", "enough", "stop"]
 
 
+def test_nothing_is_imported_while_it_records(board: PtyBoard, tmp_path: Path) -> None:
+    """An import takes seconds on a busy machine, and holds up everything that arrives meanwhile."""
+    program = (
+        "import sys\n"
+        "from impid_host.recording.recorder import Recorder\n"
+        "from impid_host.cli import main\n"
+        "run = Recorder.run\n"
+        "def watched(self, *args, **options):\n"
+        "    before = set(sys.modules)\n"
+        "    outcome = run(self, *args, **options)\n"
+        "    print('NEW', sorted(set(sys.modules) - before), file=sys.stderr)\n"
+        "    return outcome\n"
+        "Recorder.run = watched\n"
+        "main()\n"
+    )
+    asked = ["record", "--port", board.port, "--out", str(tmp_path / "x.mcap"), "--duration", "2"]
+    done = subprocess.run(
+        [sys.executable, "-c", program, *asked], capture_output=True, text=True, check=False
+    )
+    assert "clock ±" in done.stdout, done.stderr
+    assert "NEW []" in done.stderr
+
+
 def test_the_duration_is_board_time(fast_board, out: Path) -> None:
     began = time.monotonic()
     done = start("--port", fast_board.port, "--duration", "60", "--out", out)
