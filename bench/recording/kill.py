@@ -56,7 +56,7 @@ def main(times: int = 200) -> None:
     with tempfile.TemporaryDirectory() as folder:
         for number in range(times):
             out = Path(folder) / f"{number}.mcap"
-            found.append(run(out, int(rng.uniform(8e3, 60e3)), float(rng.uniform(0, 0.15))))
+            found.append(run(out, int(rng.uniform(6e3, 30e3)), float(rng.uniform(0, 0.15))))
             out.unlink()
     missing = np.array([each["missing"] for each in found])
     taken = np.array([each["taken"] for each in found])

@@ -24,6 +24,7 @@ from impid_host.wire.messages import (
     EPOCH,
     FIRST_STATUSES,
     FLAG_FINE,
+    HEADER,
     OPCODE,
     PONG,
     PROTOCOL_VERSION,
@@ -34,14 +35,16 @@ from impid_host.wire.messages import (
     TIME,
     Words,
 )
-from impid_host.wire.records import BoardStatus, Decoded, Loss, NewRun, Pong, Response, Segment
-from impid_host.wire.statuses import scalars
+from impid_host.wire.records import Decoded, Loss, NewRun, Pong, Response, Segment
+from impid_host.wire.statuses import Statuses, scalars
 from impid_host.wire.tracker import Groups, Position, Tracker
 
 _MASK32 = 0xFFFFFFFF
 _STATUS_ALWAYS = {layout.frame_id for layout in STATUS[:FIRST_STATUSES]}
 _STATUS_LAST = max(_STATUS_ALWAYS)
 _UNDATED = -1
+_DATING = (TIME.frame_id, EPOCH.frame_id, RESPONSE.frame_id)
+_ANSWERS = {layout.frame_id: layout for layout in (*STATUS, RESPONSE, PONG)}
 _DATA = (ACCEL.frame_id, ENCODER.frame_id, ACCEL_FINE.frame_id)
 _BEHIND_ALL = 1 << 62
 # The index bits of a second half repeat after 256 ms: what lies further apart needs a witness, whose own bits
@@ -110,7 +113,7 @@ class CanDecoder:
     _samples_of_piece: _Placed = field(default_factory=_Placed.none)
     _start_index: int | None = None
     _open_start: list[tuple[int, int]] = field(default_factory=list)  # position -1, value of the last START
-    _status: dict[int, dict[str, int]] = field(default_factory=dict)
+    _status: dict[int, int] = field(default_factory=dict)
 
     @property
     def counts(self) -> LinkCounts:
@@ -137,8 +140,8 @@ class CanDecoder:
         dates: list[_Date | None] = [self._date and _Date(-1, *astuple(self._date)[1:])]
         breaks: list[int] = []
         starts: list[tuple[int, int]] = []
-        others = np.flatnonzero(~is_data).tolist()
-        for at in others:
+        others = np.flatnonzero(~is_data)
+        for at in others[np.isin(identifiers[others], _DATING)].tolist():
             identifier, word = int(identifiers[at]), int(words[at])
             if identifier == TIME.frame_id:
                 self._time = scalars(TIME, word)
@@ -250,25 +253,28 @@ class CanDecoder:
         return segments, [_with_start(event, began, starts) for event in events]
 
     def _answers(
-        self, identifiers: NDArray[np.uint16], words: Words, others: list[int]
-    ) -> tuple[tuple[BoardStatus, ...], tuple[Response, ...], tuple[Pong, ...]]:
-        statuses: list[BoardStatus] = []
+        self, identifiers: NDArray[np.uint16], words: Words, others: NDArray[np.intp]
+    ) -> tuple[Statuses, tuple[Response, ...], tuple[Pong, ...]]:
+        told: list[tuple[tuple[int, int, int], list[int]]] = []
         responses: list[Response] = []
         pongs: list[Pong] = []
-        layouts = {layout.frame_id: layout for layout in (*STATUS, RESPONSE, PONG)}
-        for at in others:
-            layout = layouts.get(int(identifiers[at]))
+        came = zip(others.tolist(), identifiers[others].tolist(), words[others].tolist(), strict=True)
+        for at, identifier, word in came:
+            layout = _ANSWERS.get(identifier)
             if layout is None:
                 continue
             self._good += 1
-            signals = scalars(layout, int(words[at]))
             if layout is RESPONSE:
-                responses.append(self._response(signals, at))
+                responses.append(self._response(scalars(RESPONSE, word), at))
             elif layout is PONG:
-                pongs.append(self._pong(signals, at))
+                pongs.append(self._pong(scalars(PONG, word), at))
             else:
-                statuses += self._status_part(layout.frame_id, signals, at)
-        return tuple(statuses), tuple(responses), tuple(pongs)
+                self._status_part(identifier, word, at, told)
+        headers = np.zeros(len(told), HEADER)
+        for n, (header, _) in enumerate(told):
+            headers[n]["boot_id"], headers[n]["t0_us"], headers[n]["first_index"] = header
+        rows = [(n, np.array(parts, np.uint64)) for n, (_, parts) in enumerate(told)]
+        return Statuses.of(headers, rows), tuple(responses), tuple(pongs)
 
     def _response(self, signals: dict[str, int], at: int) -> Response:
         boot_id, t_us, next_index = self._samples_of_piece.latest(at)
@@ -285,21 +291,21 @@ class CanDecoder:
         t2_us += 2 * half if t2_us < 0 else 0
         return Pong(boot_id, signals["request_id"], t2_us, t2_us + signals["hold_us"])
 
-    def _status_part(self, identifier: int, signals: dict[str, int], at: int) -> list[BoardStatus]:
+    def _status_part(
+        self, identifier: int, word: int, at: int, told: list[tuple[tuple[int, int, int], list[int]]]
+    ) -> None:
         """STATUS_BUS comes last; a set without one of those that every board sends is dropped."""
         if identifier == STATUS[0].frame_id:
             self._status.clear()
-        self._status[identifier] = signals
-        if identifier != _STATUS_LAST:
-            return []
-        if not self._status.keys() >= _STATUS_ALWAYS:
-            return []
-        merged = {name: value for part in self._status.values() for name, value in part.items()}
+        self._status[identifier] = word
+        if identifier != _STATUS_LAST or not self._status.keys() >= _STATUS_ALWAYS:
+            return
+        parts = [self._status[layout.frame_id] for layout in STATUS if layout.frame_id in self._status]
         self._status.clear()
         boot_id, t_us, next_index = self._samples_of_piece.latest(at)
         if self._start_index is not None:
-            next_index = (self._start_index + merged["produced"]) & _MASK32
-        return [BoardStatus(boot_id, t_us, next_index, **merged)]
+            next_index = (self._start_index + scalars(STATUS[0], parts[0])["produced"]) & _MASK32
+        told.append(((boot_id, t_us, next_index), parts))
 
 
 def _followed(pair: NDArray[np.intp], word: Words, first: NDArray[np.bool_]) -> NDArray[np.bool_]:
