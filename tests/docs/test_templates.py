@@ -10,7 +10,7 @@ import numpy as np
 from impid_host.effects import friction
 from impid_host.effects.catalogue import CATALOGUE
 from impid_host.effects.effect import Effect
-from impid_host.study import foreign_log
+from impid_host.study import columns_log, foreign_log
 from impid_host.study.setup_file import read_setup
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -64,6 +64,6 @@ def test_files_that_it_names_are_there() -> None:
 
 def test_an_importer_has_what_it_says() -> None:
     (section,) = re.findall(r"## An importer\n(.*?)\n## ", TEXT + "\n## ", re.DOTALL)
-    said = {name for name in re.findall(r"`(\w+Log|open_\w+)`", section)}
+    said = set(re.findall(r"`(\w+Log|open_\w+)`", section))
     assert said == {"ColumnsLog", "ForeignLog", "open_log"}
-    assert said <= set(vars(foreign_log))
+    assert said <= {*vars(foreign_log), *vars(columns_log)}
