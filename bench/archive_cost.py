@@ -10,13 +10,18 @@ import argparse
 import os
 import tempfile
 from collections.abc import Iterator
+from dataclasses import astuple
 from pathlib import Path
 
+import duckdb
 import impid_host
-from impid_host.batch.data_set import as_parquet
+from impid_host.batch.data_set import DataSet, as_parquet
 from impid_host.batch.look import looked_at
 from impid_host.batch.one_study import worked_out
-from impid_host.batch.task import BatchOptions
+from impid_host.batch.places import place
+from impid_host.batch.read_back import read_results
+from impid_host.batch.task import Answer, BatchOptions
+from impid_host.sessions.long_table import rows_of
 from impid_host.study.hashes import file_hashes
 
 from bench.speed.measure import cost
@@ -26,6 +31,7 @@ from hil_sim.study.write import write_study
 SIZE = Size(free=2, loads=2, per_load=2, duration_s=50.0)
 TERABYTE = 1e12
 PATIENTS = 1000
+FILES = 1000
 
 
 def written(folder: Path) -> tuple[Path, int]:
@@ -64,8 +70,58 @@ def fitted(diagnose: bool) -> Iterator[int]:
         assert answer.status == "fitted", answer.why
 
 
+def _store(folder: Path, files: int) -> None:
+    """So many results, as the fit of a small study gives them."""
+    results, study = DataSet(place(folder)), impid_host.example_study()
+    rows = tuple(astuple(row) for row in rows_of(study, study.fit().result, None, trusted=True))
+    for number in range(files):
+        answer = Answer(f"/archive/{number}", "fitted", f"{number:020d}", "0" * 64, rows, trusted=True)
+        results.add(answer, BatchOptions(), "bench")
+
+
+def stored(files: int) -> Iterator[int]:
+    """Write the results of so many studies, which only one process does."""
+    with tempfile.TemporaryDirectory() as folder:
+        _store(Path(folder) / "first", 1)
+        yield files
+        _store(Path(folder) / "all", files)
+
+
+def asked(files: int, together: bool) -> Iterator[int]:
+    """One question to so many results, apart or in one file."""
+    with tempfile.TemporaryDirectory() as folder:
+        _store(Path(folder), files)
+        source = f"{folder}/*.parquet"
+        if together:
+            duckdb.sql(f"COPY (FROM '{source}') TO '{folder}/one' (FORMAT parquet)")
+            source = f"{folder}/one"
+        yield files
+        duckdb.sql(f"SELECT date, value FROM read_parquet('{source}') WHERE quantity = 'kxx'").fetchall()
+
+
+def read_back(files: int) -> Iterator[int]:
+    """What `compare` reads."""
+    with tempfile.TemporaryDirectory() as folder:
+        _store(Path(folder), files)
+        yield files
+        read_results(folder)
+
+
+def results_table() -> None:
+    """Print what the results cost."""
+    print(f"| {FILES} results | s |\n| --- | --- |")
+    for words, own in (
+        ("write", cost(stored, FILES)),
+        ("a question, DuckDB", cost(asked, FILES, False)),
+        ("the same where they are one file", cost(asked, FILES, True)),
+        ("`compare` reads them", cost(read_back, FILES)),
+    ):
+        print(f"| {words} | {own.cpu_s:.2f} |", flush=True)
+
+
 def main() -> None:
-    """Print both tables."""
+    """Print the tables."""
+    results_table()
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )

@@ -154,7 +154,8 @@ class Fitted:
         Raises:
             ImportError: xarray is not installed; names the extra that brings it.
         """
-        return fit_dataset(self.to_dict())
+        result: xr.Dataset = fit_dataset(self.to_dict())
+        return result
 
     def _repr_html_(self) -> str:
         from impid_host.report.page.tables import fit_tables  # noqa: PLC0415
@@ -238,7 +239,8 @@ class Diagnosed:
         Raises:
             ImportError: xarray is not installed; names the extra that brings it.
         """
-        return diagnosis_dataset(self.to_dict())
+        result: xr.Dataset = diagnosis_dataset(self.to_dict())
+        return result
 
     def _repr_html_(self) -> str:
         from impid_host.report.page.tables import diagnosis_tables, effects  # noqa: PLC0415

@@ -22,6 +22,14 @@ class Varied:
     {'spring_01': ()}
     >>> varied.to_pandas().columns.tolist()
     ['trial', 'method', 'curve', 'time', 'value', 'low', 'high', 'unit']
+    >>> sorted(varied.to_dict()["varying"][0]["curves"])
+    ['ks', 'kxx', 'kyy', 'x0', 'y0']
+    >>> varied.summary().startswith("spring_01, virtual sensor, with time: K may be constant")
+    True
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     [path.name for path in varied.draw(folder)]
+    ['varying_spring_01_virtual.png']
 
     Attributes:
         by: "time", "posture", "since:COLUMN" or a column's name; constant: the ordinary fit;

@@ -10,7 +10,7 @@ import numpy as np
 from impid_host.effects import friction
 from impid_host.effects.catalogue import CATALOGUE
 from impid_host.effects.effect import Effect
-from impid_host.study.foreign_log import ForeignLog
+from impid_host.study import columns_log, foreign_log
 from impid_host.study.setup_file import read_setup
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -63,6 +63,7 @@ def test_files_that_it_names_are_there() -> None:
 
 
 def test_an_importer_has_what_it_says() -> None:
-    asked = {name for name in vars(ForeignLog) if not name.startswith("_")} | set(ForeignLog.__annotations__)
-    (line,) = re.findall(r"1\. A class with (.*?), as the protocol", TEXT)
-    assert set(re.findall(r"`(\w+)`", line)) == asked
+    (section,) = re.findall(r"## An importer\n(.*?)\n## ", TEXT + "\n## ", re.DOTALL)
+    said = set(re.findall(r"`(\w+Log|open_\w+)`", section))
+    assert said == {"ColumnsLog", "ForeignLog", "open_log"}
+    assert said <= {*vars(foreign_log), *vars(columns_log)}

@@ -30,13 +30,21 @@ def main() -> None:
         for axis in range(2):
             assert abs(load["M"]["value"][axis][axis] - MASS_KG) < 0.02, load["M"]
             assert abs(load["K"]["value"][axis][axis] / K_N_PER_M[axis][axis] - 1) < 0.02, load["K"]
-    if importlib.util.find_spec("hil_sim._native") is not None and importlib.util.find_spec("cffi"):
+    if is_there("hil_sim._native") and is_there("cffi"):
         listed = command("hil_sim.cli", "list")
         assert "first-light" in listed, listed
         from hil_sim.board.native import BoardConfig, NativeBoard  # noqa: PLC0415  (an extra)
 
         NativeBoard(BoardConfig(start_us=0))
     sys.stdout.write(f"impid {impid_host.__version__} as installed in {place.parent}: ok\n")
+
+
+def is_there(name: str) -> bool:
+    """Whether it could be imported; one that somebody keeps from being found is not there."""
+    try:
+        return importlib.util.find_spec(name) is not None
+    except ModuleNotFoundError:
+        return False
 
 
 def command(module: str, *arguments: str) -> str:

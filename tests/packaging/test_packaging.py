@@ -42,7 +42,12 @@ OPTIONAL = (
     *("pint", "pyxdf", "rosbags", "simpleeval", "xarray"),
 )
 # What drives an optional library by design.
-DRIVERS = {"impid_host.view.server", "impid_host.link.can_bus", "impid_host.recording.export.can_log"}
+DRIVERS = {
+    "impid_host.view.server",
+    "impid_host.link.can_bus",
+    "impid_host.recording.export.can_log",
+    "impid_host.wire.native_build",
+}
 
 
 def command(code: str, missing: tuple[str, ...] = (), posix: tuple[str, ...] = ()) -> list[str]:

@@ -8,7 +8,6 @@ import click
 from impid_host.cli.inputs import load_inputs
 from impid_host.cli.pair import PAIR
 from impid_host.cli.window import window_option
-from impid_host.impedance.varying.schedule import Schedule
 from impid_host.robot.terms import TERMS
 from impid_host.signals.chain import CHAINS, DEFAULT
 
@@ -149,7 +148,11 @@ def command(
         raise click.UsageError("--save-model writes a model without effects: leave --model out")
     if model_file is not None and chain != DEFAULT.name:
         raise click.UsageError("--model goes with --chain default: its effects act on those signals")
-    schedule = None if varying is None else Schedule(varying)
+    schedule = None
+    if varying is not None:
+        from impid_host.impedance.varying.schedule import Schedule  # noqa: PLC0415  (few ask for it)
+
+        schedule = Schedule(varying)
     study = load_inputs(paths, robot_log, setup, () if schedule is None else schedule.columns, window)
     from impid_host.cli.fit_run import Wishes, run  # noqa: PLC0415  (half a second in all)
 

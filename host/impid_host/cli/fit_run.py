@@ -73,21 +73,24 @@ def run(study: Study, wishes: Wishes) -> None:
             status.update("drawing")
             from impid_host.report.fit_figures import draw_study  # noqa: PLC0415  (matplotlib is slow to import)
 
-            drawn = (
-                f"{len(draw_study(answer.result, wishes.figures, answer.pushes))} figures in {wishes.figures}"
-            )
+            drawings = draw_study(answer.result, wishes.figures, answer.pushes)
+            if curves:
+                from impid_host.report.varying_figure import draw_varying  # noqa: PLC0415
+
+                drawings += draw_varying(curves, answer.result.loads, wishes.figures)
+            drawn = f"{len(drawings)} figures in {wishes.figures}"
     _save(wishes.save_model, answer.result, study, options)
-    besides = _besides(study, answer, wishes)
+    besides = _besides(study, answer, curves, wishes)
     for line in [] if answer.provenance is None else answer.provenance.warnings:
         click.echo(line, err=True)
     if json_to != "-":
-        _show(answer, besides, curves, unconfirmed(study))
+        _show(answer, besides, unconfirmed(study))
         if drawn is not None:
             click.echo(drawn)
     if json_to is not None:
         from impid_host.report.sessions_json import sessions_json  # noqa: PLC0415
 
-        _write(json.dumps(_document(answer, besides, curves) | sessions_json(study), indent=2), json_to)
+        _write(json.dumps(_document(answer, besides) | sessions_json(study), indent=2), json_to)
     if answer.checks.impossible:
         raise SystemExit(IMPOSSIBLE)
 
@@ -133,7 +136,7 @@ def _answer(
     return _Answer(result, provenance, checks, twice, find_pushes(study, result, options))
 
 
-def _besides(study: Study, answer: _Answer, wishes: Wishes) -> Besides:
+def _besides(study: Study, answer: _Answer, curves: "Curves", wishes: Wishes) -> Besides:
     handle, result = study.setup.handle_mass_kg, answer.result
     arms = [fit for fit in result.loads if fit.model.name == "arm" and len(fit.model.axes) == 2]
     joints = []
@@ -146,6 +149,7 @@ def _besides(study: Study, answer: _Answer, wishes: Wishes) -> Besides:
         constrained=_constrained(arms, handle) if wishes.constrain else [],
         joints=joints,
         reflexes=_reflexes(result, wishes.held_out_s) if wishes.reflex else {},
+        curves=curves,
     )
 
 
@@ -160,32 +164,23 @@ def _curves(
     return vary_study(study, result, row, schedule, progress)
 
 
-def _show(answer: _Answer, besides: Besides, curves: "Curves", assumption: str) -> None:
+def _show(answer: _Answer, besides: Besides, assumption: str) -> None:
     console = table_console()
     print_above(console, answer.checks)
     for line in [] if answer.provenance is None else answer.provenance.lines:
         click.echo(line)
     print_fit(console, answer.result, besides, marked=not answer.checks.trusted)
-    if curves:
-        from impid_host.report.varying_report import varying_table  # noqa: PLC0415
-
-        for own in curves:
-            console.print(varying_table(own))
     print_below(console, answer.checks)
     if assumption:
         click.echo(assumption)
 
 
-def _document(answer: _Answer, besides: Besides, curves: "Curves") -> "Json":
+def _document(answer: _Answer, besides: Besides) -> "Json":
     from impid_host.report.fit_json import fit_json  # noqa: PLC0415  (where somebody asks for it)
 
     document = fit_json(answer.result, besides, checks=answer.checks)
     if answer.provenance is not None:
         document["model"] = asdict(answer.provenance)
-    if curves:
-        from impid_host.report.varying_report import varying_json  # noqa: PLC0415
-
-        document["varying"] = varying_json(curves)
     return document
 
 

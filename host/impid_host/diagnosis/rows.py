@@ -6,14 +6,13 @@ from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import signal
 
 from impid_host.diagnosis.base import Base, targets
 from impid_host.diagnosis.holdout import FIT, Holdout, settled
 from impid_host.effects.effect import Each, Term
 from impid_host.effects.view import ANGLE, FAMILIES, Columns, View
 from impid_host.signals.arrays import Floats, Mask
-from impid_host.signals.filters import FiniteResponse
+from impid_host.signals.filters import FiniteResponse, windowed_sinc
 
 _EDGE_S = 0.5
 _MOST_PARTS = 12  # of columns that came later; beyond, they are put side by side
@@ -157,7 +156,7 @@ def decimator(view: View) -> Decimator:
 @lru_cache(maxsize=16)
 def _decimator(rate_hz: float, cutoff_hz: float) -> Decimator:
     step = max(1, int(rate_hz / (2.2 * cutoff_hz)))
-    taps = signal.firwin(2 * 6 * step + 1, cutoff_hz, fs=rate_hz, window=("kaiser", 6.0))
+    taps = windowed_sinc(np.kaiser(2 * 6 * step + 1, 6.0), cutoff_hz / rate_hz)
     return Decimator(step, FiniteResponse.of(taps, step))
 
 

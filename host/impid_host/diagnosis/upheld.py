@@ -132,15 +132,20 @@ def with_last_stage(judged: Judged, bench: Bench) -> Judged:
     for more in tried:
         fit = bench.fit([*judged.last.chosen, *judged.opened, *more])
         stage = bench.stage(fit, unattributed(on, more, evidence))
-        if not more or not (worse(stage.rms, stages[-1].rms) or _looser(stage, stages[-1])):
+        if not more or not (worse(stage.rms, stages[-1].rms) or looser(stage, stages[-1])):
             break
     return replace(judged, stages=(*stages, stage), last=fit)
 
 
-def _looser(stage: Stage, before: Stage) -> bool:
+def looser(stage: Stage, before: Stage) -> bool:
     """Whether what serves prediction costs the robot's or a load's numbers: it then stands for them."""
     pairs = [(stage.alpha, before.alpha)]
-    pairs += [(own[name], before.loads[load][name]) for load, own in stage.loads.items() for name in own]
+    pairs += [
+        (own[name], before.loads[load][name])
+        for load, own in stage.loads.items()
+        for name in own
+        if name in before.loads[load]  # a structure may bring a matrix that the load had not
+    ]
     return any(
         bool(np.any(after.half > _LOOSER * np.maximum(first.half, 1e-3 * np.abs(first.value))))
         for after, first in pairs

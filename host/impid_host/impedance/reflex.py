@@ -9,7 +9,6 @@ Beside it stand a spring and a damper that are not straight: how much of what is
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import signal
 
 from impid_host.errors import UndeterminedError
 from impid_host.impedance.colour import colour_of
@@ -81,6 +80,8 @@ class Band:
 
     def apply(self, values: Floats, rate_hz: float) -> Floats:
         """Zero-phase band-pass along axis 0, the same for either side of the regression."""
+        from scipy import signal  # noqa: PLC0415  (half a second)
+
         result: Floats = values
         if self.high_Hz < 0.45 * rate_hz:
             low_pass = signal.butter(4, self.high_Hz, fs=rate_hz, output="sos")
@@ -101,6 +102,8 @@ def followed_band(theta: Floats, torque: Floats, rate_hz: float) -> Band:
     Args:
         theta: joint angle, rad, (N,); torque: N m, (N,).
     """
+    from scipy import signal  # noqa: PLC0415  (half a second)
+
     window = int(min(_COHERENCE_WINDOW_S * rate_hz, len(theta) // 3))
     frequency, coherence = signal.coherence(theta, torque, rate_hz, nperseg=window)
     apart = 1.0 - coherence

@@ -6,10 +6,10 @@ for the catalogue's `load.delay`.
 """
 
 import numpy as np
-from scipy import signal
-from scipy.interpolate import CubicSpline
 
 from impid_host.signals.arrays import Floats
+from impid_host.signals.recursive import recursive, second_order
+from impid_host.signals.spline import Spline
 
 # A spinal stretch reflex of a limb takes some 30 to 80 ms; its muscle acts below some 5 Hz.
 DELAY_S = (0.03, 0.08)
@@ -20,8 +20,7 @@ CORNERS_RAD_S = (5.0, 8.0, 12.0, 18.0, 27.0)
 
 def muscle(stretch: Floats, rate_hz: float, corner_rad_s: float) -> Floats:
     """The critically damped low-pass h, (N, k)."""
-    b, a = signal.bilinear([corner_rad_s**2], [1.0, 2.0 * corner_rad_s, corner_rad_s**2], rate_hz)
-    return np.asarray(signal.lfilter(b, a, stretch, axis=0), dtype=np.float64)
+    return recursive(second_order(0.5 * corner_rad_s / rate_hz, 1.0)[None], stretch, settled=False)
 
 
 class ReflexPath:
@@ -30,7 +29,7 @@ class ReflexPath:
     def __init__(self, velocity: Floats, rate_hz: float) -> None:
         self.rate_hz = rate_hz
         self._t = np.arange(len(velocity)) / rate_hz
-        self._late = CubicSpline(self._t, velocity)
+        self._late = Spline(self._t, velocity)
 
     def __call__(self, delay_s: float, corner_rad_s: float) -> Floats:
         """(N, 2): what stretch of positive and of negative velocity makes, gains of 1."""

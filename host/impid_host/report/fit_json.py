@@ -19,6 +19,7 @@ from impid_host.impedance.periodic import Periodic
 from impid_host.impedance.physical import PhysicalRobot
 from impid_host.report.fit_parts import Besides
 from impid_host.report.reflex_report import reflex_json
+from impid_host.report.varying_report import varying_json
 from impid_host.robot.model import LINK
 from impid_host.signals.arrays import Floats
 
@@ -88,6 +89,7 @@ def fit_json(
         | ({} if pushes.robot is None else {"without_events": _robot(pushes.robot, None)["parameters"]}),
         "loads": by_load,
         **({} if not besides.reflexes else {"reflex": reflex_json(besides.reflexes)}),
+        **({} if not besides.curves else {"varying": varying_json(besides.curves)}),
     }
 
 

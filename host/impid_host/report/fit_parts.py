@@ -13,6 +13,7 @@ from impid_host.impedance.constrained import Constrained
 from impid_host.impedance.identify import LoadFit, RobotFit
 from impid_host.impedance.joint_space import JointImpedance
 from impid_host.impedance.reflex import Band, ReflexFit
+from impid_host.impedance.varying.fit import VaryingFit
 from impid_host.report.check_tables import agreement_table, with_marks
 from impid_host.report.fit_tables import (
     constrained_table,
@@ -26,6 +27,7 @@ from impid_host.report.fit_tables import (
 from impid_host.report.physical_table import physical_table
 from impid_host.report.push_tables import moved_tables, push_table
 from impid_host.report.reflex_report import reflex_table
+from impid_host.report.varying_report import varying_table
 
 _ROBOT_WORDS = {
     "prior": "Robot parameters from [prior] in setup.toml; their uncertainty is unknown and not propagated.",
@@ -44,6 +46,7 @@ class Besides:
     constrained: Sequence[Constrained] = ()
     joints: Sequence[JointImpedance] = ()
     reflexes: Mapping[str, tuple[ReflexFit, Band]] = field(default_factory=dict)
+    curves: Sequence[VaryingFit] = ()
 
 
 def fit_parts(result: StudyFit, besides: Besides, *, explained: bool = False) -> Iterator[Table | str]:
@@ -64,6 +67,8 @@ def fit_parts(result: StudyFit, besides: Besides, *, explained: bool = False) ->
         yield force_table(compared)
     if besides.reflexes:
         yield reflex_table(besides.reflexes)
+    for curve in besides.curves:
+        yield varying_table(curve)
     if besides.agreement is not None and besides.agreement.pairs:
         yield agreement_table(besides.agreement)
 

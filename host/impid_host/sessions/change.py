@@ -12,9 +12,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import stats
 
 from impid_host.sessions.row import Row
+from impid_host.signals.quantiles import NORMAL_975, student_975
 
 Key = tuple[str, str, str, str, str, str]
 
@@ -121,7 +121,7 @@ def repeatability(days: Sequence[Sequence[Row]]) -> Repeatability | None:
     spread = squares / dof
     noise = float(np.mean([row.sd**2 for day in days for row in day]))
     sem = float(np.sqrt(max(spread, noise)))
-    t = float(stats.t.ppf(0.975, dof))
+    t = float(student_975(dof))
     return Repeatability(sem, float(np.sqrt(max(spread - noise, 0.0))), dof, t * float(np.sqrt(2)) * sem)
 
 
@@ -149,10 +149,10 @@ def _occasion(date: str, day: Sequence[Row]) -> Occasion:
 def _change(first: Occasion, later: Occasion, repeats: Repeatability | None) -> Change:
     value = later.value - first.value
     variance = first.noise_sd**2 + later.noise_sd**2
-    t = float(stats.norm.ppf(0.975))
+    t = NORMAL_975
     if repeats is not None:
         variance += repeats.tau**2 * (1 / len(first.studies) + 1 / len(later.studies))
-        t = float(stats.t.ppf(0.975, repeats.dof))
+        t = float(student_975(repeats.dof))
     half = t * float(np.sqrt(variance))
     clear = None if repeats is None else abs(value) > half
     return Change(first, later, value, value - half, value + half, clear)

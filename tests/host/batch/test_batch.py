@@ -163,8 +163,9 @@ def test_a_study_that_kills_its_process_harms_no_other(archive: Path, tmp_path: 
     me = os.getpid()
 
     def kill() -> None:
-        os.close(os.open(pipe, os.O_WRONLY))  # waits until the process has opened it
+        writer = os.open(pipe, os.O_WRONLY)  # waits until the process has opened it
         os.kill(next(child for child in children_of(me)), signal.SIGKILL)
+        os.close(writer)
 
     killer = threading.Thread(target=kill)
     killer.start()
@@ -190,6 +191,22 @@ def children_of(parent: int) -> list[int]:
         if above == parent and b"impid_host.batch.child" in words:
             found.append(int(own.name))
     return found
+
+
+def test_a_process_that_died_between_two_studies(archive: Path) -> None:
+    """Nobody reads the next request: it is a crash like any other, and the one after it is worked on."""
+    child, study = Child(), str(archive / "P01" / "day1")
+    try:
+        first = child.answer(study, BatchOptions(), frozenset(), 60.0)
+        (pid,) = children_of(os.getpid())
+        os.kill(pid, signal.SIGKILL)
+        while Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z":
+            time.sleep(0.01)
+        second, third = (child.answer(study, BatchOptions(), frozenset(), 60.0) for _ in range(2))
+    finally:
+        child.close()
+    assert [own.status for own in (first, second, third)] == ["fitted", "crashed", "fitted"]
+    assert second.why.startswith("the process ended by SIGKILL")
 
 
 def test_a_defect_is_told_with_its_place(archive: Path) -> None:

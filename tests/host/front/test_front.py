@@ -11,7 +11,7 @@ import impid_host
 import numpy as np
 import pytest
 from click.testing import CliRunner
-from impid_host import errors, front, results
+from impid_host import errors, front, results, varied
 from impid_host.checks import check
 from impid_host.cli import cli
 from impid_host.example import K_N_PER_M, MASS_KG
@@ -24,7 +24,7 @@ def fitted() -> impid_host.Fitted:
     return impid_host.example_study().fit()
 
 
-MODULES = [impid_host, front, results, errors, check]
+MODULES = [impid_host, front, results, errors, check, varied]
 
 
 @pytest.mark.parametrize("module", MODULES, ids=lambda module: module.__name__)

@@ -9,9 +9,9 @@ from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from impid_host.signals.arrays import Floats
+from impid_host.signals.spline import Spline
 
 _JITTER = 1e-8
 SHORTEST_SPACINGS = 1.5
@@ -37,7 +37,7 @@ class Knots:
     def weights(self, s: Floats) -> Floats:
         """W (N, m) with curve(s) = W @ u; beyond the ends the curve stands still."""
         places = np.linspace(self.low, self.high, self.count)
-        spline = CubicSpline(places, np.eye(self.count), axis=0)
+        spline = Spline(places, np.eye(self.count))
         result: Floats = spline(np.clip(s, self.low, self.high))
         return result
 

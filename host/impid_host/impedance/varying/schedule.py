@@ -3,12 +3,12 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import signal
 
 from impid_host.errors import InputError, UndeterminedError
 from impid_host.impedance.varying.expand import Scheduled
 from impid_host.signals.align import AlignedTrial
 from impid_host.signals.arrays import Floats
+from impid_host.signals.filters import butterworth
 from impid_host.study.model import Trial
 
 _SLOW_HZ = 0.5
@@ -68,10 +68,7 @@ def posture(trials: list[AlignedTrial]) -> list[Scheduled]:
     Raises:
         UndeterminedError: less than a tenth of the motion is slow.
     """
-    slow = []
-    for trial in trials:
-        low_pass = signal.butter(2, _SLOW_HZ, fs=trial.rate_hz, output="sos")
-        slow.append(np.asarray(signal.sosfiltfilt(low_pass, trial.x, axis=0), dtype=np.float64))
+    slow = [butterworth(2, _SLOW_HZ, trial.rate_hz).forth_and_back(trial.x) for trial in trials]
     every = np.concatenate([x[trial.valid] for x, trial in zip(slow, trials, strict=True)])
     whole = np.concatenate([trial.x[trial.valid] for trial in trials])
     middle = every.mean(axis=0)
