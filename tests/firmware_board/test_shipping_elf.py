@@ -35,13 +35,13 @@ class Chip:
 
 F446 = Chip(  # RM0390
     {
-        "dma1_stream6_handler": 17,
+        "serial_sent_handler": 17,
         "adc_handler": 18,
         "can1_tx_handler": 19,
         "can1_rx0_handler": 20,
         "can1_sce_handler": 22,
         "usart2_handler": 38,
-        "dma2_stream0_handler": 56,
+        "tick_handler": 56,
     },
     vectors=113,
     slots=(0x08010000, 0x08020000),
@@ -49,8 +49,8 @@ F446 = Chip(  # RM0390
 )
 G474 = Chip(  # RM0440: two banks, the second at 0x08040000
     {
-        "dma1_channel1_handler": 11,
-        "dma1_channel5_handler": 15,
+        "tick_handler": 11,
+        "serial_sent_handler": 15,
         "adc_handler": 18,
         "fdcan1_it0_handler": 21,
         "fdcan1_it1_handler": 22,

@@ -19,7 +19,9 @@ from impid_host.effects.bounds import possible
 from impid_host.effects.catalogue import CATALOGUE, telling_trial
 
 _MATERIAL = 0.005  # of a matrix's largest entry: nobody would report a difference below
-_PREFERRED = 2 * RULES.close_nats  # of the deviance: below, the search's own choice is as good
+_PREFERRED = (
+    2 * RULES.close_nats
+)  # of the deviance: below, of two as simple the search's own choice is as good
 _INSTRUMENTS = ("actuator", "sensor", "clock")
 
 
@@ -53,8 +55,9 @@ def exactly_compared(
             if tried.term.label in no_cause:
                 continue
             other = bench.fit([tried if s == own.slot else p for s, p in kept.items()])
-            fewer = tried.term.parameters <= part.term.parameters
-            if fewer and other.deviance < best.deviance - _PREFERRED and _stands(other):
+            more = tried.term.parameters - part.term.parameters
+            margin = _PREFERRED if more == 0 else 1.0  # the simpler one is preferred as it is
+            if more <= 0 and other.deviance < best.deviance - margin and _stands(other):
                 best, slot, part = other, rival, tried
         if slot != own.slot:
             kept = {slot if s == own.slot else s: part if s == own.slot else p for s, p in kept.items()}

@@ -194,9 +194,15 @@ class Walk:
         close = [
             own
             for own in self.visited.values()
-            if not_clearly_worse(own, best, self.rules) and self.is_possible(own)
+            if (not_clearly_worse(own, best, self.rules) or self._as_near(own, best))
+            and self.is_possible(own)
         ]
         return min(close or [best], key=lambda own: (*self._plainness(own), -own.total))
+
+    def _as_near(self, own: Explanation, best: Explanation) -> bool:
+        """As many terms, and behind by no more than the imperfect first-order shape of large ones leaves."""
+        explained = best.total - self.score(()).total
+        return len(own.slots) == len(best.slots) and best.total - own.total < self.rules.relative * explained
 
     def _plainness(self, own: Explanation) -> tuple[int, int, int, int]:
         """Structures without a name, causes, parameters, and what is claimed of some trials only."""
