@@ -32,8 +32,9 @@ class Motion:
     def duration(self) -> float:
         return float(self.t[-1])
 
-    def every(self, step: int) -> "Motion":
-        """The same motion by every so many rows."""
+    def fewer(self, rows: int) -> "Motion":
+        """The same motion by about so many of its rows, at least, or by all."""
+        step = max(1, len(self.t) // rows)
         return Motion(self.t[::step], self.theta[::step])
 
 

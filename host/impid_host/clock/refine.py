@@ -120,13 +120,7 @@ def polished(interpolant: Interpolant, robot: Motion, near: Solution) -> Solutio
 
     Those are as many microseconds apart as make a step's error, its square times an acceleration, nothing.
     """
-    solution: Solution | None = near
-    for _ in range(_MOST_STEPS):
-        before, solution = near, _step(interpolant, robot, np.inf, near)
-        if solution is None or abs(solution.centre_device - before.centre_device) < _ONE_STEP_S:
-            return solution
-        near = solution
-    return solution
+    return _stepped(interpolant, robot, np.inf, near, offset_s=_ONE_STEP_S)
 
 
 def _settled(
@@ -136,16 +130,28 @@ def _settled(
     joints = robot.theta.shape[1]
     nothing = np.ones((joints, 0))
     near = Solution(centre, shift, drift, np.zeros(joints), nothing, nothing, nothing, np.zeros(0), 0)
-    solution: Solution | None = None
+    return _stepped(interpolant, robot, half, near, offset_s=1e-9, drift=1e-11)
+
+
+def _stepped(
+    interpolant: Interpolant,
+    robot: Motion,
+    half: float,
+    near: Solution,
+    *,
+    offset_s: float,
+    drift: float = np.inf,
+) -> Solution | None:
+    """Steps until one changes offset and drift by less than this."""
     for _ in range(_MOST_STEPS):
         solution = _step(interpolant, robot, half, near)
         if solution is None:
             return None
         moved, turned = solution.centre_device - near.centre_device, solution.drift - near.drift
-        if abs(moved) < 1e-9 and abs(turned) < 1e-11:
-            break
+        if abs(moved) < offset_s and abs(turned) < drift:
+            return solution
         near = solution
-    return solution
+    return near
 
 
 def _step(interpolant: Interpolant, robot: Motion, half: float, near: Solution) -> Solution | None:

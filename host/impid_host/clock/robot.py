@@ -135,7 +135,7 @@ def _best_alignment(knots: Motion, rows: Motion) -> tuple[Solution, Floats]:
     Candidates compete on a part of the rows, which tells them apart as well; all rows refine the winner.
     """
     interpolant = interpolant_of(knots)
-    few = rows.every(max(1, len(rows.t) // _COMPETING_ROWS))
+    few = rows.fewer(_COMPETING_ROWS)
     solutions = [refine(interpolant, few, lag) for lag in coarse_lags(knots, rows)]
     first = _clear_winner([solution for solution in solutions if solution is not None])
     best = polished(interpolant, rows, first)
@@ -171,7 +171,7 @@ def _turned(fit: RobotClockFit) -> RobotClockFit:
 
 
 def _require_motion(name: str, log: Motion) -> None:
-    few = log.every(max(1, len(log.t) // _COMPETING_ROWS)).theta
+    few = log.fewer(_COMPETING_ROWS).theta
     if np.any(few.max(axis=0) - few.min(axis=0) > 20 * smallest_step(log.theta)):
         return
     raise UndeterminedError(
