@@ -6,7 +6,7 @@ One pass in pieces: `read_recording` keeps the samples, `survey` what can be sai
 import base64
 import json
 from array import array
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
@@ -23,7 +23,7 @@ from impid_host.recording.runs import Run, duration_s
 from impid_host.recording.wire_message import unpack
 from impid_host.samples import DeviceSamples
 from impid_host.wire.can_frames import unpack_frames
-from impid_host.wire.carrier import CAN, SERIAL, Carrier
+from impid_host.wire.carrier import CAN, SERIAL, Carrier, Decoder
 from impid_host.wire.decoder import LinkCounts
 from impid_host.wire.records import BoardStatus, Decoded, Loss, NewRun, Response, Segment, since
 from impid_host.wire.statuses import Statuses
@@ -119,6 +119,16 @@ def sample_pieces(path: Path, window: Window | None = None) -> Iterator[Segment]
     return _Reading(path, window, keep=False).pieces()
 
 
+def read_metadata(path: Path) -> dict[str, dict[str, str]]:
+    """The metadata of a recording, wherever in the file: name -> key -> value. Nothing else of it is read.
+
+    Raises:
+        InputError: no such file, or not a recording of impid-host.
+    """
+    with open_records(path, []) as file:
+        return {item.name: item.values for item in file.metadata()}
+
+
 def read_raw_can(path: Path, window: Window | None = None) -> Iterator[tuple[NDArray[np.void], int]]:
     """The CAN frames that came in, in pieces of shape (N,) of CAN_FRAME, and wall minus monotonic clock, ns.
 
@@ -179,7 +189,7 @@ class _Reading:
     _statuses: list[Sequence[BoardStatus]] = field(default_factory=list)
     _responses: list[Response] = field(default_factory=list)
     _changes: list[Loss | NewRun] = field(default_factory=list)
-    _counts: Callable[[], LinkCounts] = field(default=lambda: SERIAL.decoder().counts)
+    _decoder: Decoder | None = None
 
     def raw(self) -> Iterator[bytes]:
         """The bytes that came in, a megabyte at a time."""
@@ -201,14 +211,12 @@ class _Reading:
 
     def pieces(self) -> Iterator[Segment]:
         """The samples up to the duration that was asked for, in order."""
-        decoder = None
         for data in self.raw():
-            if decoder is None:
-                decoder = self.carrier.decoder()
+            if self._decoder is None:
+                self._decoder = self.carrier.decoder()
                 if self._resume is not None:
-                    decoder.resume(self._resume)
-                self._counts = lambda made=decoder: made.counts  # type: ignore[misc]
-            decoded = decoder.feed(data)
+                    self._decoder.resume(self._resume)
+            decoded = self._decoder.feed(data)
             self._note(decoded)
             end = self._end()
             for segment in decoded.segments:
@@ -242,7 +250,7 @@ class _Reading:
             responses=tuple(self._responses),
             exchanges=exchanges,
             events=tuple(self.events),
-            counts=self._counts(),
+            counts=(self._decoder or self.carrier.decoder()).counts,
             ledgers=balance(runs, self._changes, told, self._responses, self._ended_boots(exchanges)),
             warnings=tuple(self.warnings),
         )
@@ -301,7 +309,9 @@ class _Reading:
     def _note(self, decoded: Decoded) -> None:
         self._told.append(told_by(decoded.statuses))
         if decoded.statuses:
-            self._statuses = [*self._statuses, decoded.statuses] if self.keep else [decoded.statuses[-1:]]
+            if not self.keep:
+                self._statuses.clear()
+            self._statuses.append(decoded.statuses if self.keep else decoded.statuses[-1:])
         self._responses += decoded.responses
         self._changes += decoded.events
 

@@ -27,6 +27,7 @@ _CHUNK_HEAD = struct.Struct(container.CHUNK_HEAD.format + "I")  # and the length
 _U64 = struct.Struct("<Q")
 _NOT_OURS = "give a file that `impid-host record` has written"
 _NS = 1_000_000_000
+_NEVER_NS = 1 << 64  # behind every log time
 # A date on CAN comes ten times a second, and a frame may have begun in the chunk before.
 _LEAD_NS = _NS // 2
 # Chunks for looking begin up to a second and some before those of the wire beside them.
@@ -93,6 +94,12 @@ class RecordFile:
         start_ns = self._origin_ns + round(window.start_s * _NS) - _LEAD_NS
         stop_ns = None if isinf(window.stop_s) else self._origin_ns + round(window.stop_s * _NS)
         yield from self._run(self._seek(first, start_ns - _SLACK_NS), len(self._data), start_ns, stop_ns)
+
+    def metadata(self) -> Iterator[Metadata]:
+        """The metadata alone: no chunk is opened."""
+        for item in self._run(self._body, len(self._data), start_ns=_NEVER_NS):
+            if isinstance(item, Metadata):
+                yield item
 
     def _run(
         self, at: int, end: int, start_ns: int = 0, stop_ns: int | None = None

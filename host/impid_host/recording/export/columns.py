@@ -1,6 +1,6 @@
 """The samples of a recording as columns: one row a sample, all runs one after the other."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,8 +40,6 @@ def columns_of(segments: Sequence[Segment]) -> Columns:
     return columns
 
 
-def flat_metadata(recording: Recording) -> dict[str, str]:
-    """Everything the recording says of itself, as name.key -> value."""
-    return {
-        f"{name}.{key}": value for name, values in recording.metadata.items() for key, value in values.items()
-    }
+def flat_metadata(metadata: Mapping[str, Mapping[str, str]]) -> dict[str, str]:
+    """Everything a recording says of itself, as name.key -> value."""
+    return {f"{name}.{key}": value for name, values in metadata.items() for key, value in values.items()}
