@@ -15,20 +15,12 @@ from numpy.typing import NDArray
 
 from impid_host.wire import native
 from impid_host.wire.frame import CRC_BYTES, DELIMITER, LARGEST_FRAME_BYTES
-from impid_host.wire.messages import HEADER, PROTOCOL_VERSION, RECORD_BYTES
+from impid_host.wire.messages import HEADER, HEADER_OFFSET, PROTOCOL_VERSION, RECORD_BYTES
 
 # CRC-32 over a message followed by its own CRC (little-endian) is this constant, whatever the message.
 _CRC_RESIDUE = 0x2144DF1C
 _HEADER_BYTES = HEADER.itemsize
-
-
-def _offset(name: str) -> int:
-    fields = HEADER.fields
-    assert fields is not None
-    return int(fields[name][1])
-
-
-_KIND_AT, _VERSION_AT, _COUNT_AT = _offset("kind"), _offset("version"), _offset("count")
+_KIND_AT, _VERSION_AT, _COUNT_AT = (HEADER_OFFSET[name] for name in ("kind", "version", "count"))
 
 
 @dataclass(frozen=True, slots=True)

@@ -67,6 +67,10 @@ class MessageLayout:
         return np.atleast_1d(word)
 
 
+# Where each field of the serial frame's header begins, bytes.
+HEADER_OFFSET = {signal: start // 8 for signal, (start, _) in MESSAGES["BATCH"][2].items()}
+
+
 def _header_dtype() -> np.dtype[Any]:
     _, size, signals = MESSAGES["BATCH"]
     for signal, (start, bits) in signals.items():
@@ -76,7 +80,7 @@ def _header_dtype() -> np.dtype[Any]:
         {
             "names": list(signals),
             "formats": [f"<u{bits // 8}" for _, bits in signals.values()],
-            "offsets": [start // 8 for start, _ in signals.values()],
+            "offsets": list(HEADER_OFFSET.values()),
             "itemsize": size,
         }
     )

@@ -20,7 +20,8 @@ typedef struct {
 
 /* Good frames of data: header after header, record after record, and where each
    frame's records end. The room for records and headers is that of the data,
-   for ends one per byte at most. scratch holds one frame. */
+   for ends one for each header and CRC that fit into it, and one more. scratch
+   holds one frame. */
 void impid_deframe(const impid_frame_layout *layout, const uint8_t *data,
                    size_t bytes, uint8_t *scratch, uint8_t *headers,
                    uint8_t *records, int64_t *ends, impid_deframed *result);

@@ -11,6 +11,7 @@ from impid_host.wire.messages import (
     ENCODER,
     FLAG_FINE,
     HEADER,
+    HEADER_OFFSET,
     PROTOCOL_VERSION,
     RECORD_BYTES,
     MessageLayout,
@@ -75,17 +76,13 @@ def unpack(
 _POINTER = {"u2": "uint16_t[]", "i4": "int32_t[]", "u1": "uint8_t[]"}
 
 
-def _offset(name: str) -> int:
-    fields = HEADER.fields
-    assert fields is not None
-    return int(fields[name][1])
-
-
 def _frame_layout() -> Any:
     layout = ffi.new("impid_frame_layout *")
     layout.header_bytes, layout.version = HEADER.itemsize, PROTOCOL_VERSION
     layout.largest = LARGEST_FRAME_BYTES
-    layout.kind_at, layout.version_at, layout.count_at = map(_offset, ("kind", "version", "count"))
+    layout.kind_at, layout.version_at, layout.count_at = (
+        HEADER_OFFSET[name] for name in ("kind", "version", "count")
+    )
     for kind, sizes in RECORD_BYTES.items():
         for n, size in enumerate(sizes):
             layout.record_bytes[kind][n] = size

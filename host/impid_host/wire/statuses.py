@@ -1,6 +1,6 @@
-"""Statuses of the serial line as rows of numbers: an hour has 36,000, and most are never looked at."""
+"""Statuses as rows of numbers: an hour has 36,000, and most are never looked at."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import Any, overload
 
 import numpy as np
@@ -64,9 +64,6 @@ class Statuses(Sequence[BoardStatus]):
         header = self._headers[which]
         boot_id, t_us, next_index = (int(header[name]) for name in ("boot_id", "t0_us", "first_index"))
         return BoardStatus(boot_id, t_us, next_index, **signals)
-
-    def __iter__(self) -> Iterator[BoardStatus]:
-        return (self[n] for n in range(len(self)))
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Sequence) and list(self) == list(other)
