@@ -1,6 +1,6 @@
 """As much of the protobuf wire format as a recording needs: numbers, bytes, and the schema of a message.
 
-Protobuf is what Foxglove and PlotJuggler plot and what stays small; its runtime is no dependency for five
+Protobuf is what Foxglove and PlotJuggler plot and what stays small; its runtime is no dependency for four
 kinds of fields. The tests read what is written here with Google's library."""
 
 from collections.abc import Mapping, Sequence
@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 # Types of the fields as FileDescriptorProto numbers them.
-DOUBLE, UINT64, BYTES, UINT32, SINT32 = 1, 4, 12, 13, 17
+UINT64, BYTES, UINT32, SINT32 = 4, 12, 13, 17
 PACKAGE = "impid"
 _LENGTH_DELIMITED, _VARINT = 2, 0
 _OPTIONAL, _REPEATED = 1, 3

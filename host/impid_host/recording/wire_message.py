@@ -46,19 +46,9 @@ class WireMessage:
         return restore(self._of("rx_rows"), self._of("rx_bytes"), self.carrier)
 
     @property
-    def tx(self) -> NDArray[np.uint8]:
-        """The bytes that went out."""
-        return restore(self._of("tx_rows"), self._of("tx_bytes"), self.carrier)
-
-    @property
     def rx_calls(self) -> NDArray[Any]:
         """Each read, shape (N,) of CALL."""
         return np.frombuffer(self._of("rx_calls"), CALL)
-
-    @property
-    def tx_calls(self) -> NDArray[Any]:
-        """Each write, shape (N,) of CALL."""
-        return np.frombuffer(self._of("tx_calls"), CALL)
 
     @property
     def exchanges(self) -> list[tuple[int, ...]]:
