@@ -74,16 +74,17 @@ class Lamp:
         if not told["connected"]:
             return ["the board is gone, waiting for it: check cable and power"]
         words = []
-        if self._heard is None or now - self._heard > _SILENT_S:
+        silent = self._heard is None or now - self._heard > _SILENT_S
+        if silent:
             words.append("no samples arrive: check cable and power")
-        lately = self._lost[-1][1] - self._lost[0][1] if self._lost else 0
+        lately = self._lost_lately()
         if lately > 0:
             words.append(f"{lately} samples lost in the last {_LATELY_S:.0f} s: other cable, fewer programs")
         if self._lately(now, FLAG_SATURATED):
             words.append("the acceleration was at its end: move more gently, or check the sensor's wiring")
         if self._lately(now, FLAG_ENCODER_FAULT):
             words.append("an encoder reports a fault: check its cable")
-        if self._heard is not None and now - self._heard <= _SILENT_S:
+        if not silent:
             still = [name for name, since in zip("xy", self._moved, strict=True) if now - since > _STILL_S]
             if still:
                 words.append(
@@ -93,8 +94,8 @@ class Lamp:
 
     def _look(self, now: float, told: Mapping[str, Any]) -> list[str]:
         words = []
-        lost, lately = int(told["lost"]), self._lost[-1][1] - self._lost[0][1] if self._lost else 0
-        if lost > lately:
+        lost = int(told["lost"])
+        if lost > self._lost_lately():
             words.append(f"{lost} samples lost so far; the recording says where")
         if self._lost and self._lost[-1][2] > self._lost[0][2]:
             words.append("damaged frames arrive: check the cable")
@@ -103,6 +104,9 @@ class Lamp:
         if told["clock"] is None and float(told["elapsed_s"]) > _CLOCK_S:
             words.append("the board's clock is not determined yet")
         return words
+
+    def _lost_lately(self) -> int:
+        return self._lost[-1][1] - self._lost[0][1] if self._lost else 0
 
     def _lately(self, now: float, flag: int) -> bool:
         return flag in self._flagged and now - self._flagged[flag] < _LATELY_S
