@@ -156,8 +156,7 @@ def until(segment: Segment, end: tuple[int, int] | None) -> Segment | None:
     count = int(np.searchsorted(segment.samples.t_us, end[1], side="right")) if segment.run == end[0] else 0
     if count == 0:
         return None
-    kept = slice(0, count)
-    return Segment(segment.boot_id, segment.run, segment.index[kept], rows_of(segment.samples, kept))
+    return _part(segment, slice(0, count))
 
 
 def since(segment: Segment, begin: tuple[int, int] | None) -> Segment | None:
@@ -167,5 +166,8 @@ def since(segment: Segment, begin: tuple[int, int] | None) -> Segment | None:
     first = int(np.searchsorted(segment.samples.t_us, begin[1])) if segment.run == begin[0] else len(segment)
     if first == len(segment):
         return None
-    kept = slice(first, None)
+    return _part(segment, slice(first, None))
+
+
+def _part(segment: Segment, kept: slice) -> Segment:
     return Segment(segment.boot_id, segment.run, segment.index[kept], rows_of(segment.samples, kept))
