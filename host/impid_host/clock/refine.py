@@ -86,9 +86,10 @@ class Solution:
 def interpolant_of(log: Motion) -> Interpolant:
     """Of a log of ten rows or more."""
     raw = np.gradient(log.theta, log.t, axis=0)
-    velocity = gaussian(raw, _VELOCITY_SMOOTHING_S / log.period)
+    period = log.period
+    velocity = gaussian(raw, _VELOCITY_SMOOTHING_S / period)
     sound = np.zeros(len(log.t) + 1, dtype=bool)
-    sound[3 : len(log.t) - 2] = log.t[5:] - log.t[:-5] < 6.5 * log.period
+    sound[3 : len(log.t) - 2] = log.t[5:] - log.t[:-5] < 6.5 * period
     return Interpolant(
         log, Spline(log.t, log.theta), np.ascontiguousarray(velocity.T), sound, smallest_step(log.theta)
     )
