@@ -15,6 +15,7 @@ from impid_host.wire.decoder import SerialDecoder
 from impid_host.wire.deframer import Deframer
 from impid_host.wire.frame import Header, encode_frame
 from impid_host.wire.messages import ACCEL, ENCODER, KIND
+from numpy.typing import NDArray
 
 SAMPLES = 1_000_000
 PER_FRAME = 10
@@ -24,17 +25,24 @@ PIECES = (4096, 65536, 1 << 20)
 def stream() -> bytes:
     """A clean stream with full-range encoders."""
     rng = np.random.default_rng(0)
-    index = np.arange(SAMPLES)
     enc1, enc2 = rng.integers(0, 1 << 32, (2, SAMPLES), dtype=np.uint64)
     ax = rng.integers(0, 1 << 16, SAMPLES)
-    accel = ACCEL.pack(ax=ax, ay=ax, index_low16=index, enc1_high4=enc1 >> 28, enc2_high4=enc2 >> 28)
+    return b"".join(frames(ax, ax, enc1, enc2))
+
+
+def frames(
+    ax: NDArray[np.int64], ay: NDArray[np.int64], enc1: NDArray[np.uint64], enc2: NDArray[np.uint64]
+) -> list[bytes]:
+    """Codes and counters, (N,), of a board from its first sample on, in frames of ten."""
+    index = np.arange(len(ax))
+    accel = ACCEL.pack(ax=ax, ay=ay, index_low16=index, enc1_high4=enc1 >> 28, enc2_high4=enc2 >> 28)
     words = np.stack([accel, ENCODER.pack(enc1_low28=enc1, enc2_low28=enc2, index_low8=index)], axis=1)
-    frames = []
-    for first in range(0, SAMPLES, PER_FRAME):
+    out = []
+    for first in range(0, len(index), PER_FRAME):
         seq = first // PER_FRAME % 65536
         header = Header(KIND["SAMPLES"], PER_FRAME, 7, seq, first_index=first, t0_us=1000 * first)
-        frames.append(encode_frame(header, words[first : first + PER_FRAME].tobytes()))
-    return b"".join(frames)
+        out.append(encode_frame(header, words[first : first + PER_FRAME].tobytes()))
+    return out
 
 
 def loop(raw: bytes) -> int:

@@ -10,13 +10,11 @@ from pathlib import Path
 
 import numpy as np
 from common import save
+from decoder_speed import PER_FRAME
+from decoder_speed import frames as framed
 from impid_host.link.link import Chunk
 from impid_host.recording.writer import RecordingWriter
 from impid_host.wire.decoder import SerialDecoder
-from impid_host.wire.frame import Header, encode_frame
-from impid_host.wire.messages import ACCEL, ENCODER, KIND
-
-PER_FRAME = 10
 
 
 def frames(seconds: int) -> list[bytes]:
@@ -31,21 +29,7 @@ def frames(seconds: int) -> list[bytes]:
     enc = [
         np.asarray(gain * motion).astype(np.int32).view(np.uint32).astype(np.uint64) for gain in (8000, -5000)
     ]
-    accel = ACCEL.pack(
-        ax=ax.astype(int),
-        ay=ay.astype(int),
-        index_low16=index,
-        enc1_high4=enc[0] >> 28,
-        enc2_high4=enc[1] >> 28,
-    )
-    words = np.stack([accel, ENCODER.pack(enc1_low28=enc[0], enc2_low28=enc[1], index_low8=index)], axis=1)
-    out = []
-    for first in range(0, len(index), PER_FRAME):
-        header = Header(
-            KIND["SAMPLES"], PER_FRAME, 7, first // PER_FRAME % 65536, first_index=first, t0_us=1000 * first
-        )
-        out.append(encode_frame(header, words[first : first + PER_FRAME].tobytes()))
-    return out
+    return framed(ax.astype(int), ay.astype(int), *enc)
 
 
 def main(seconds: int = 60) -> None:
