@@ -20,12 +20,10 @@ def draw(reliability: Json, file: Path) -> None:
     figure, axes = plt.subplots(figsize=(4.6, 4.2), layout="constrained")
     axes.plot([0, 1], [0, 1], color="0.6", linewidth=1, linestyle="--")
     axes.errorbar(mean, share, yerr=[below, above], fmt="o", color="#0072B2", capsize=3)
-    for k, (x, row) in enumerate(zip(mean, rows, strict=True)):
+    for x, row in zip(mean, rows, strict=True):
         text = f"{row['count']} of {row['of']}"
-        axes.annotate(
-            text, (x, row["ci95"][0]), xytext=(0, -14 - 12 * (k % 2)), textcoords="offset points", ha="center"
-        )
+        axes.annotate(text, (x, row["ci95"][0]), xytext=(0, -14), textcoords="offset points", ha="center")
     axes.set(xlabel="confidence given with a name", ylabel="share of names that were right")
-    axes.set(xlim=(0, 1.02), ylim=(0, 1.02))
+    axes.set(xlim=(0, 1.1), ylim=(0, 1.05))
     figure.savefig(file, dpi=150)
     plt.close(figure)

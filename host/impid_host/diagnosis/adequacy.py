@@ -4,7 +4,7 @@ Measured in the band that is reported, in units of the noise: a name that lives 
 what a reader looks at as it was.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from scipy import signal
@@ -33,20 +33,20 @@ def believable(table: Table, named: Sequence[int], report_hz: float) -> list[int
     """
     kept = list(named)
     while True:
+        left = excess(table, kept, report_hz)
         stand = [
             s
             for s in kept
-            if _in_angles(table, s) or _taken_over_left(table, kept, s, report_hz) >= RULES.takes
+            if _in_angles(table, s)
+            or _taken_over_left(excess(table, [o for o in kept if o != s], report_hz), left) >= RULES.takes
         ]
         if stand == kept:
             return kept
         kept = stand
 
 
-def _taken_over_left(table: Table, named: Sequence[int], s: int, report_hz: float) -> float:
+def _taken_over_left(without: Mapping[Key, float], left: Mapping[Key, float]) -> float:
     """What a name takes away over what all leave, in the channel where it shows most."""
-    left = excess(table, named, report_hz)
-    without = excess(table, [o for o in named if o != s], report_hz)
     shown = max(left, key=lambda key: without[key] - left[key], default=None)
     if shown is None:
         return np.inf

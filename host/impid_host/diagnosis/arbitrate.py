@@ -19,9 +19,8 @@ from impid_host.effects.bounds import possible
 from impid_host.effects.catalogue import CATALOGUE, telling_trial
 
 _MATERIAL = 0.005  # of a matrix's largest entry: nobody would report a difference below
-_PREFERRED = (
-    2 * RULES.close_nats
-)  # of the deviance: below, of two as simple the search's own choice is as good
+# Of the deviance: of two names as simple, one that is better by less is no reason to leave the search's own.
+_PREFERRED = 2 * RULES.close_nats
 _INSTRUMENTS = ("actuator", "sensor", "clock")
 
 

@@ -1,8 +1,9 @@
 """How sure a name is, from how well all explanations that were scored predict.
 
 Weights by the Bayesian bootstrap over blocks (pseudo-BMA+: Yao, Vehtari, Simpson and Gelman, Bayesian
-Analysis 13, 2018), flattened. The flattening was set by hand on a few simulated laboratories and no campaign
-has calibrated it: 0.9 does not mean yet that nine of ten such names are right.
+Analysis 13, 2018), flattened. The flattening was set by hand on a few simulated laboratories; how often names
+were right by what it says, there and on machines unlike them, stands in docs/validation/diagnosis.md and
+docs/validation/independent.md.
 """
 
 from collections.abc import Sequence, Set
@@ -14,7 +15,7 @@ from impid_host.diagnosis.table import Table
 
 Place = tuple[str, tuple[str, ...]]
 
-# A logistic map of the weights' log-odds; not calibrated yet (docs/diagnosis.md).
+# A logistic map of the weights' log-odds.
 _LEVEL, _SLOPE = 1.6, 0.6
 _SUREST = 0.98
 

@@ -22,10 +22,19 @@ def of_machine(
     """The curve with its band, and a sentence."""
     on, variable = slot.term.where
     grid, basis, sentence = ODD_MACHINE[slot.term.variant](slot, beta, views)
+    curve, band = banded(grid, basis, beta, covariance)
+    return Structure(variable, on, share, curve, band, sentence(curve[:, 1]))
+
+
+def banded(grid: Floats, basis: Floats, beta: Floats, covariance: Floats) -> tuple[Floats, Floats]:
+    """A linear curve over its grid and its 95 % limits, both (n, 2).
+
+    Args:
+        basis: what one unit of each parameter adds at each place, (n, q).
+    """
     curve = basis @ beta
     half = 1.96 * np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", basis, covariance, basis), 0))
-    band = np.stack([curve - half, curve + half], axis=1)
-    return Structure(variable, on, share, np.stack([grid, curve], axis=1), band, sentence(curve))
+    return np.stack([grid, curve], axis=1), np.stack([curve - half, curve + half], axis=1)
 
 
 def _by_pull(slot: Slot, _beta: Floats, views: Sequence[View]) -> Described:

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from impid_host.diagnosis.odd_shapes import ODD_MACHINE, of_machine
+from impid_host.diagnosis.odd_shapes import ODD_MACHINE, banded, of_machine
 from impid_host.diagnosis.result import Structure
 from impid_host.diagnosis.rows import Slot
 from impid_host.diagnosis.table import Table, residuals, solve, swept
@@ -51,17 +51,9 @@ def _shape(slot: Slot, share: float, beta: Floats, covariance: Floats, views: Se
     low, high = np.percentile(values, [0.2, 99.8])
     grid = np.linspace(low, high, 41)
     basis = curve_basis(grid, float(low), float(high), len(beta))
-    curve = basis @ beta
-    half = 1.96 * np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", basis, covariance, basis), 0))
+    curve, band = banded(grid, basis, beta, covariance)
     factor = variant.split(" times ")[0] if " times " in variant else ""
-    return Structure(
-        variable=variable,
-        on=on,
-        share=share,
-        curve=np.stack([grid, curve], axis=1),
-        band=np.stack([curve - half, curve + half], axis=1),
-        words=words(variable, on, grid, curve, factor),
-    )
+    return Structure(variable, on, share, curve, band, words(variable, on, grid, curve[:, 1], factor))
 
 
 def _gain(on: str, share: float, beta: Floats, covariance: Floats, views: Sequence[View]) -> Structure:
@@ -72,13 +64,10 @@ def _gain(on: str, share: float, beta: Floats, covariance: Floats, views: Sequen
     own = slice(size * most, size * (most + 1))
     grid = np.linspace(0.0, float(views[most].t[-1]), 41)
     basis = course_basis(grid, size)
-    curve = basis @ beta[own]
-    half = 1.96 * np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", basis, covariance[own, own], basis), 0))
-    sentence = (
-        f"{on} changes with time as by a gain that wanders, by {np.ptp(curve):.2g} in {views[most].name}"
-    )
-    band = np.stack([curve - half, curve + half], axis=1)
-    return Structure("time", on, share, np.stack([grid, curve], axis=1), band, sentence)
+    curve, band = banded(grid, basis, beta[own], covariance[own, own])
+    by = np.ptp(curve[:, 1])
+    sentence = f"{on} changes with time as by a gain that wanders, by {by:.2g} in {views[most].name}"
+    return Structure("time", on, share, curve, band, sentence)
 
 
 def _response(slot: Slot, share: float, beta: Floats, covariance: Floats, views: Sequence[View]) -> Structure:

@@ -12,6 +12,7 @@ from impid_host.effects.effect import (
     Setting,
     Term,
     amplitude_phase,
+    each_and_all,
     each_trial,
     joint_name,
     on_joint,
@@ -26,8 +27,7 @@ _MAX_DELAY_S = 0.1
 def _gain(setting: Setting) -> Iterator[Term]:
     if setting.bare:
         return
-    sets = _sets(setting)
-    for joints in sets:
+    for joints in each_and_all(range(setting.joints)):
 
         def columns(view: View, _shape: float, joints: tuple[int, ...] = joints) -> Columns:
             # The model's torque stands for the logged one: regressing the log on itself would fit anything.
@@ -55,12 +55,6 @@ def _gain(setting: Setting) -> Iterator[Term]:
             by_model=True,
         )
         yield own
-
-
-def _sets(setting: Setting) -> list[tuple[int, ...]]:
-    """Each joint by itself, and all of them."""
-    every = tuple(range(setting.joints))
-    return [*((joint,) for joint in every), *([every] if len(every) > 1 else [])]
 
 
 def _listed(values: Floats) -> float | list[float]:
@@ -110,7 +104,7 @@ def _read_cogging(beta: Floats, cycles: float) -> dict[str, float]:
 
 
 def _delay(setting: Setting) -> Iterator[Term]:
-    for joints in _sets(setting):
+    for joints in each_and_all(range(setting.joints)):
 
         def columns(view: View, _shape: float, joints: tuple[int, ...] = joints) -> Columns:
             slope = np.zeros_like(view.torque_model)

@@ -252,6 +252,12 @@ def everywhere(setting: Setting) -> tuple[str, ...]:
     return tuple(joint_name(joint) for joint in range(setting.joints))
 
 
+def each_and_all(numbers: Sequence[int]) -> list[tuple[int, ...]]:
+    """Each of some joints (or links) by itself, and where there are several all of them."""
+    every = tuple(numbers)
+    return [*((one,) for one in every), *([every] if len(every) > 1 else [])]
+
+
 def on_joint(view: View, joint: int, *columns: Floats) -> Columns:
     """Torques (N,) on one joint."""
     block = np.zeros((len(view.t), view.joints, len(columns)))

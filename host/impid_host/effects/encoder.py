@@ -12,6 +12,7 @@ from impid_host.effects.effect import (
     Term,
     Value,
     amplitude_phase,
+    each_and_all,
     each_trial,
     joint_name,
 )
@@ -89,9 +90,7 @@ def _eccentricity(setting: Setting) -> Iterator[Term]:
 
 def _scale(setting: Setting) -> Iterator[Term]:
     """Counts per turn other than declared: in the module's setup alone, or in the controller's as well."""
-    turn = turning(setting)
-    sets = [(joint,) for joint in turn]
-    for joints in [*sets, tuple(turn)] if len(turn) > 1 else sets:
+    for joints in each_and_all(turning(setting)):
         for variant in ("module and controller", "module"):
 
             def columns(

@@ -5,7 +5,7 @@ from functools import partial
 
 import numpy as np
 
-from impid_host.effects.effect import Effect, Parameter, Setting, Term, Value, joint_name
+from impid_host.effects.effect import Effect, Parameter, Setting, Term, Value, each_and_all, joint_name
 from impid_host.effects.sensitivity import sensitivity
 from impid_host.effects.view import Columns, View, with_motion
 from impid_host.signals.arrays import Floats
@@ -22,9 +22,7 @@ def lengthened(view: View, link: int, by_m: float) -> View:
 
 
 def _link_length(setting: Setting) -> Iterator[Term]:
-    every = tuple(range(len(setting.links_m)))
-    sets = [(link,) for link in every]
-    for links in [*sets, every] if len(every) > 1 else sets:
+    for links in each_and_all(range(len(setting.links_m))):
 
         def columns(view: View, _shape: float, links: tuple[int, ...] = links) -> Columns:
             return sensitivity(view, _STEP_M, *(lengthened(view, link, _STEP_M) for link in links))

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from impid_host.effects.effect import Setting, Term, along, at_tip
+from impid_host.effects.effect import Setting, Term, along, at_tip, each_and_all
 from impid_host.effects.encoder import without_error
 from impid_host.effects.friction import stop
 from impid_host.effects.sensitivity import sensitivity
@@ -40,8 +40,7 @@ def machine_structures(setting: Setting) -> Iterator[Term]:
 
 def _encoder_errors(setting: Setting) -> Iterator[Term]:
     """Encoders that are not where their joints are: each by itself, and all of them."""
-    every = tuple(range(setting.joints))
-    for joints in [*((joint,) for joint in every), *([every] if len(every) > 1 else [])]:
+    for joints in each_and_all(range(setting.joints)):
 
         def columns(view: View, _shape: float, joints: tuple[int, ...] = joints) -> Columns:
             blocks = [_by_encoder(view, joint) for joint in joints]

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from rich.table import Column, Table
 
-from impid_host.diagnosis.result import UNATTRIBUTED, Diagnosis, Number, Reported, Stage
+from impid_host.diagnosis.result import UNATTRIBUTED, Diagnosis, Number, Reported, Rival, Stage
 from impid_host.report.diagnosis_units import channel_unit
 
 _AXES = ("x", "y")
@@ -57,9 +57,7 @@ def effect_table(diagnosis: Diagnosis) -> Table:
         evidence = found.evidence
         words = "\n".join(f"{name} {number_words(number)}" for name, number in found.parameters.items())
         rival = evidence.runner_up
-        second = (
-            "" if rival is None else f"{rival.effect}@{'+'.join(rival.where)}, {rival.margin:.0f} nats less"
-        )
+        second = "" if rival is None else _beside(rival)
         table.add_row(
             found.label,
             words,
@@ -69,6 +67,12 @@ def effect_table(diagnosis: Diagnosis) -> Table:
             second,
         )
     return table
+
+
+def _beside(rival: Rival) -> str:
+    """A rival may predict a little better: of what is not clearly worse the simplest was chosen."""
+    by = f"{abs(rival.margin):.0f} nats {'less' if rival.margin >= 0 else 'more'}"
+    return f"{rival.effect}@{'+'.join(rival.where)}, {by}"
 
 
 def parameter_table(diagnosis: Diagnosis) -> Table:

@@ -102,6 +102,17 @@ def test_what_would_have_been_reported_stands_beside_what_is() -> None:
     assert not any("Kyx" in line or "Mxy" in line or "Myy" in line for line in lines)
 
 
+def test_a_runner_up_that_predicts_a_little_better_is_said_to() -> None:
+    """The simplest of what is not clearly worse was chosen."""
+    own = answer()
+    added = own.stages[1].added
+    assert added is not None and added.evidence.runner_up is not None
+    rival = replace(added.evidence.runner_up, margin=-6.0)
+    stage = replace(own.stages[1], added=replace(added, evidence=replace(added.evidence, runner_up=rival)))
+    shown = text(effect_table(replace(own, stages=(own.stages[0], stage, *own.stages[2:]))))
+    assert "friction.stribeck@joint1, 6 nats more" in shown
+
+
 def test_the_evidence_for_a_name_is_printed_and_written() -> None:
     shown = text(effect_table(answer()))
     assert "812 ± 64 nats" in shown and "0.97" in shown and "friction.stribeck@joint1, 80 nats less" in shown
