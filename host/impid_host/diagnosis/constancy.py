@@ -7,6 +7,7 @@ for the constancy of parameters over time, J. American Statistical Association 8
 """
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from scipy import special
@@ -17,16 +18,31 @@ from impid_host.signals.arrays import Floats
 
 _CHANCE = 1e-4
 _TOLD = 1e-3  # of a direction's largest information: less does not tell a value
+_UNTOLD = 0.2  # of what a name takes: so much hidden, it may be another of its kin as well
 
 
-def inconstancy(table: Table, slots: Sequence[int], s: int) -> float:
-    """What values of its own in each channel of each trial would take away besides, beyond chance.
+@dataclass(frozen=True, slots=True)
+class Constancy:
+    """Shares of what a name takes away with the same values everywhere.
 
-    Returns:
-        as a share of what the slot `s` of the set takes away with the same values everywhere.
+    Attributes:
+        varies: what values of its own in each channel of each trial would take away besides, beyond chance.
+        hidden: what they may take away by chance: of less the data say nothing.
     """
+
+    varies: float
+    hidden: float
+
+    @property
+    def trust(self) -> float:
+        """How far the data show that it is constant, 0..1: not at all where a fifth of it could differ."""
+        return max(0.0, 1.0 - self.hidden / _UNTOLD)
+
+
+def constancy(table: Table, slots: Sequence[int], s: int) -> Constancy:
+    """Of the slot `s` of a set."""
     rest = [o for o in slots if o != s]
-    takes = swept(table, table.columns(rest)).drop(table.slots[s].columns)
+    takes = max(swept(table, table.columns(rest)).drop(table.slots[s].columns), 1e-300)
     own = beside(table, table.columns([s]), table.columns(rest))
     besides, parameters = 0.0, 0
     for run, C, r in zip(table.runs, own, residuals(table, table.columns(slots)), strict=True):
@@ -34,10 +50,8 @@ def inconstancy(table: Table, slots: Sequence[int], s: int) -> float:
             continue
         more, free = _drop(C, r)
         besides, parameters = besides + more, parameters + free
-    if parameters == 0:
-        return 0.0
-    by_chance = 2.0 * float(special.gammaincinv(0.5 * parameters, 1.0 - _CHANCE))
-    return max(besides - by_chance, 0.0) / max(takes, 1e-300)
+    by_chance = 2.0 * float(special.gammaincinv(0.5 * parameters, 1.0 - _CHANCE)) if parameters else 0.0
+    return Constancy(max(besides - by_chance, 0.0) / takes, by_chance / takes)
 
 
 def _drop(C: Floats, r: Floats) -> tuple[float, int]:
