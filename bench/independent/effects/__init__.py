@@ -5,7 +5,21 @@ The second books are judged apart: ``fresh_`` files without a name, ``varied_`` 
 
 from __future__ import annotations
 
-from . import fresh_drives, fresh_machine, loads, machine, odd_drives, odd_loads, odd_machine, odd_sensing, sensing
+from . import (
+    fresh_drives,
+    fresh_loads,
+    fresh_machine,
+    fresh_sensing,
+    loads,
+    machine,
+    odd_drives,
+    odd_loads,
+    odd_machine,
+    odd_sensing,
+    sensing,
+    varied,
+    varied_sensing,
+)
 from .base import Effect
 
 Book = dict[str, type[Effect]]
@@ -17,7 +31,8 @@ def _book(*lists: list[type[Effect]]) -> Book:
 
 NAMED = _book(machine.ALL, sensing.ALL, loads.ALL)
 UNNAMED = _book(odd_machine.ALL, odd_drives.ALL, odd_sensing.ALL, list(odd_loads.ALL))
-UNNAMED2 = _book(fresh_machine.ALL, fresh_drives.ALL)
-EVERY = {**NAMED, **UNNAMED, **UNNAMED2}
+UNNAMED2 = _book(fresh_machine.ALL, fresh_drives.ALL, fresh_sensing.ALL, fresh_loads.ALL)
+NAMED2 = _book(varied.ALL, varied_sensing.ALL)
+EVERY = {**NAMED, **UNNAMED, **NAMED2, **UNNAMED2}
 
-__all__ = ["EVERY", "NAMED", "UNNAMED", "UNNAMED2", "Effect"]
+__all__ = ["EVERY", "NAMED", "NAMED2", "UNNAMED", "UNNAMED2", "Effect"]

@@ -152,10 +152,7 @@ class SharedReference(Effect):
 
 
 class TorqueGlitches(Effect):
-    """Now and then the drive resets for a twentieth of a second and its torque reads as nothing at all.
-
-    ``amount`` is the share of the torque that is missing while it does.
-    """
+    """Now and then the current's reading falls by a share, ``amount``, for some hundredths of a second."""
 
     start, most = 0.3, 1.0
 
