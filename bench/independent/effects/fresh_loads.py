@@ -97,7 +97,11 @@ class Heartbeat(_Arm):
     start = 0.3
 
     def shape(self, rng: Generator) -> None:
-        self.rate, self.way, self.width = float(rng.uniform(0.9, 1.6)), heading(rng), float(rng.uniform(0.04, 0.08))
+        self.rate, self.way, self.width = (
+            float(rng.uniform(0.9, 1.6)),
+            heading(rng),
+            float(rng.uniform(0.04, 0.08)),
+        )
 
     def load_force(self, m: Motion, force: Array) -> Array:
         rng, kicks, when = m.rng(self.salt), np.zeros_like(m.t), float(m.t[0])
