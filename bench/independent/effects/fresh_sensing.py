@@ -167,8 +167,8 @@ class CouplingSlack(Effect):
 
     def angle(self, m: Motion, theta: Array, tau: Array) -> Array:
         # rounded off by the disc's own friction: a play with a soft bottom
-        dragged = np.column_stack([play(theta[:, j], self.amount) for j in range(2)])
-        return np.where(self.mask > 0, low_pass(dragged, 25.0), theta)
+        behind = [play(theta[:, j], self.amount) - play(theta[:, j], 0.0) for j in range(2)]
+        return theta + self.mask * low_pass(np.column_stack(behind), 25.0)
 
 
 class CouplingCreepsBack(Effect):

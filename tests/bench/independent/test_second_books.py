@@ -1,4 +1,4 @@
-"""The second books' effects against what a physics book says of them, and the harmless kinds against their truth."""
+"""The second books' effects against what a physics book says, the harmless kinds against their truth."""
 
 from __future__ import annotations
 
@@ -89,7 +89,8 @@ def test_springs_store_what_they_take(key, amount, stored, share):
 @pytest.mark.parametrize(
     "key",
     [
-        "ageing_contact", "lagging_stribeck", "bearing_side_load", "brake_patch", "eddy_brake", "governor_shoes",
+        "ageing_contact", "lagging_stribeck", "bearing_side_load", "brake_patch", "eddy_brake",
+        "governor_shoes",
         "seal_in_free_trials", "friction_by_trial", "viscosity_by_angle", "unequal_slopes", "steep_stribeck",
         "damped_along_one_line",
     ],
@@ -108,7 +109,7 @@ def test_memory_gives_some_back_and_takes_more(key):
 
 
 def test_dragged_ring_is_a_ring():
-    """With the ring's own speed ω_r, J dω_r/dt = c (ω - ω_r), J = c T: what is taken turns it or heats the grease."""
+    """With the ring's own speed ω_r, J dω_r/dt = c (ω - ω_r), J = c T."""
     effect = made("dragged_ring", 0.2)
     torque = effect.reaction(FREE, np.zeros_like(FREE.theta))
     joint = int(np.flatnonzero(effect.mask)[0])
@@ -136,7 +137,7 @@ def test_padded_edge_only_pushes_and_takes_energy():
 
 
 def test_bent_link_moves_load_and_sensor_to_where_the_tip_is():
-    """The load's force and the specific force at x + d, with d worked out from the torque by a book's beam."""
+    """The load's force and the specific force are those of the place x + d."""
     effect = made("link_bends", 1e-3)
     d = effect.bent(SPRINGS)
     v, a = derivative(d), derivative(derivative(d))
