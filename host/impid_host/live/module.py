@@ -73,9 +73,9 @@ class Module:
         felt = np.stack([np.interp(t, self._t, axis) for axis in self._felt.T], axis=1)
         ahead = t > self._t[-1]
         if ahead.any():
-            x = self._t[-_LINE:] - self._t[-1]
-            slope, level = np.polyfit(x, self._felt[-_LINE:], 1)
-            felt[ahead] = level + slope * (t[ahead] - self._t[-1])[:, None]
+            middle, level = self._t[-_LINE:].mean(), self._felt[-_LINE:].mean(axis=0)
+            x = self._t[-_LINE:] - middle
+            felt[ahead] = level + np.multiply.outer(t[ahead] - middle, x @ self._felt[-_LINE:] / (x @ x))
         return felt
 
     def knows(self, t: Floats) -> bool:

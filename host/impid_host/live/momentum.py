@@ -77,8 +77,8 @@ def _momentum(
 ) -> tuple[Floats, Floats]:
     """M omega and C^T omega - friction - gravity, (N, n) each, from the one model of the torque.
 
-    The regressor is linear in the acceleration: at rest, less what gravity does, one unit of it gives a column
-    of M. C^T omega less all that the motion costs is (C + C^T) omega - Y(theta, omega, 0) value.
+    The regressor is linear in the acceleration: at rest, less what gravity does, one unit of it gives a
+    column of M. C^T omega less all that the motion costs is (C + C^T) omega - Y(theta, omega, 0) value.
     """
     model = structure.model
     rows, n = theta.shape

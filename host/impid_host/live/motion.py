@@ -1,9 +1,9 @@
 """Speeds of the joints as they move: the angles' slow part, the accelerometer's quick part, no delay between.
 
-Each joint is followed by angle, speed and a third state, by which its acceleration differs from the measured
-one (a zero that has moved, gravity by a tilt). What the angle shows of them corrects all three, as a polynomial
-of second order fitted with a memory that fades (Morrison 1969): stable at any rate. Without an accelerometer the
-third state is the acceleration itself.
+Each joint is followed by angle, speed and a third state, by which its acceleration differs from the
+measured one (a zero that has moved, gravity by a tilt). What the angle shows of them corrects all three, as
+a polynomial of second order fitted with a memory that fades (Morrison 1969): stable at any rate. Without an
+accelerometer the third state is the acceleration itself.
 """
 
 from dataclasses import dataclass
@@ -15,8 +15,12 @@ from impid_host.signals.arrays import Floats
 
 @dataclass(frozen=True, slots=True)
 class Motion:
-    """Where the joints are after a row: t, s, and per joint (n,) angle, speed, acceleration as it was measured
-    and what it lacks; rad (m) and s."""
+    """Where the joints are after a row.
+
+    Attributes:
+        t: of the row, s.
+        angle, speed: rad (m) and s, (n,); measured: acceleration as it was measured; lacking: what it lacks.
+    """
 
     t: float
     angle: Floats
@@ -75,4 +79,6 @@ def follow(
             speeds.append(speed)
         omega[:, joint] = speeds
         state[0][joint], state[1][joint], state[2][joint] = angle, speed, lacking
-    return omega, Motion(float(t[-1]), np.array(state[0]), np.array(state[1]), measured[-1], np.array(state[2]))
+    return omega, Motion(
+        float(t[-1]), np.array(state[0]), np.array(state[1]), measured[-1], np.array(state[2])
+    )

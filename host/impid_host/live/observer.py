@@ -1,12 +1,12 @@
 """The force of the load while it is recorded: two streams in, a force at each row of the robot out.
 
-Speeds come from the robot's angles and the module's accelerometer together (`motion`), the load's torque from
-them and the drives' (`momentum`). Which sample belongs to which row is known once the clocks have been matched
-on some seconds of both streams (`window`); until then, and while no samples come, the angles must do, and a
-slower observer keeps their noise down.
+Speeds come from the robot's angles and the module's accelerometer together (`motion`), the load's torque
+from them and the drives' (`momentum`). Which sample belongs to which row is known once the clocks have been
+matched on some seconds of both streams (`window`); until then, and while no samples come, the angles must
+do, and a slower observer keeps their noise down.
 
 Torques do not wait for samples that are still on their way: those rows are worked out at once, with the
-acceleration carried on straight, and what is carried over to the next rows is worked out again with the samples.
+acceleration carried on straight; what is carried over to the next rows is worked out again with the samples.
 """
 
 from collections import deque
@@ -17,7 +17,7 @@ import numpy as np
 from impid_host.clock.robot import RobotClockFit
 from impid_host.impedance.identify import RobotParameters
 from impid_host.impedance.virtual_sensor import through_jacobian
-from impid_host.live.module import AHEAD_S, Module
+from impid_host.live.module import Module
 from impid_host.live.momentum import Momentum, observe
 from impid_host.live.motion import Motion, follow
 from impid_host.live.torques import Rows
@@ -150,12 +150,13 @@ class LiveForce:
         angle = sensor_angle(rows.theta, self._accelerometer, model)
         a = base_frame_acceleration(self.module.felt_at(at), angle, model.plane_gravity_m_s2)
         J = model.jacobian(rows.theta)
-        # The speeds that the turning of the Jacobian needs are those by the accelerometer without it.
-        speed = np.zeros_like(rows.theta) if self._state is None else np.tile(self._state.motion.speed, (len(a), 1))
-        for _ in range(2):
-            acceleration = joint_acceleration(a, J, model.jacobian_rate(rows.theta, speed), speed)
-            speed, _ = follow(self._motion(acceleration, with_module=True), rows.t, rows.theta, acceleration,
-                              WITH_MODULE.memory_s)
+        before = self._state
+        if before is None:
+            return joint_acceleration(a, J, np.zeros_like(J), np.zeros_like(rows.theta))
+        # The turning of the Jacobian needs the speeds: the last one, carried on by what the sensor feels.
+        speed = np.tile(before.motion.speed, (len(a), 1))
+        start = joint_acceleration(a, J, model.jacobian_rate(rows.theta, speed), speed)
+        speed = speed + (rows.t - before.motion.t)[:, None] * start
         return joint_acceleration(a, J, model.jacobian_rate(rows.theta, speed), speed)
 
     def _motion(self, acceleration: Floats, *, with_module: bool) -> Motion | None:

@@ -43,8 +43,9 @@ class Counts:
     """What came of the robot's rows.
 
     Attributes:
-        rows: taken; missing: by the stamps, between the first and the last; unreadable: lines that are no row;
-            restarts: how often the robot's clock has begun anew.
+        rows: taken; missing: by the stamps, between the first and the last.
+        unreadable: lines that are no row.
+        restarts: how often the robot's clock has begun anew.
     """
 
     rows: int = 0
@@ -63,9 +64,9 @@ class TorqueReader:
         self._period = np.inf
 
     def read(self, datagrams: list[bytes]) -> Rows | None:
-        """The rows in these; None where there is none. A row that is not later than the one before is left out.
+        """The rows in these; None where there is none.
 
-        A header is passed over.
+        A row that is not later than the one before is left out; a header is passed over.
         """
         table = [row for data in datagrams for line in data.splitlines() if (row := self._row(line))]
         if not table:
