@@ -88,7 +88,7 @@ class _Process:
         }
 
     def _on_board(self, t: np.ndarray) -> np.ndarray:
-        """Instants of the robot's clock on the module's, s; before the clocks are matched by what came last."""
+        """Instants of the robot's clock on the module's, s; by what came last before they are matched."""
         if self._observer.clock is not None:
             return self._observer.clock.to_device(t)
         arrived = self._observer.module.arrived_s
