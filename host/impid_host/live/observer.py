@@ -38,7 +38,7 @@ class Tuning:
 
 
 WITH_MODULE = Tuning(gain=200.0, memory_s=0.05)
-BY_ANGLES = Tuning(gain=80.0, memory_s=0.005)
+BY_ANGLES = Tuning(gain=80.0, memory_s=0.01)
 
 
 @dataclass(frozen=True, slots=True)

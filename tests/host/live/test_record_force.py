@@ -1,4 +1,4 @@
-"""`record --force` as a program: the whole chain on the simulator, and an observer that dies beside a recording."""
+"""`record --force` as a program: the whole chain on the simulator, and an observer that dies beside it."""
 
 import asyncio
 import json
@@ -71,7 +71,7 @@ def children(pid: int) -> list[int]:
 
 
 def pushed(url: str, enough, seconds: float) -> dict:
-    """What the page is told of the force, as soon as `enough` says so; the last word after so many seconds."""
+    """What the page is told of the force, as soon as `enough` says so; the last word after these seconds."""
 
     async def look() -> dict:
         force = {}

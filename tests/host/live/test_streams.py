@@ -74,7 +74,8 @@ def test_datagrams_come_through_a_port() -> None:
 def piece(index: range, run: int = 0, ax=32768) -> dict:
     return {
         "boot_id": 1, "run": run, "index": list(index), "t_us": [1_000_000 + 1000 * k for k in index],
-        "ax": [ax + k for k in index], "ay": [32768] * len(index), "enc1": list(index), "enc2": [0] * len(index),
+        "ax": [ax + k for k in index], "ay": [32768] * len(index),
+        "enc1": list(index), "enc2": [0] * len(index),
         "flags": 0,
     }  # fmt: skip
 
