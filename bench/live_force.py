@@ -2,8 +2,8 @@
 
     python bench/live_force.py [--markdown FILE] [--keep FILE] [--realtime]
 
-A model is fitted on a study of one seed; a trial of another seed is recorded with `record --sim --force`, and
-exported. The force that was shown is held against the virtual force of that trial (`fit`'s own), at the instants
+A model is fitted on a study of one seed; a trial of another seed is served by `impid-sim`, recorded with `record
+--force`, and exported. The force that was shown is held against the virtual force of that trial (`fit`'s own), at the instants
 that the observer itself names. When a row was shown is on the host's clock, which the recording matches with the
 board's (exchanges), as the exported logs match the board's with the robot's: nothing of the observer's own clocks is
 used. `--realtime` gives the recording's processes a real-time priority, for machines that are busy with other work.
@@ -15,11 +15,11 @@ encoders of several resolutions.
 import argparse
 import json
 import os
+import socket
 import subprocess
 import sys
 import tempfile
 import tomllib
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -51,17 +51,11 @@ WINDOW_S = 8.0
 BATCH, LATE_S, BLOCK = 10, 0.003, 4  # of the board's samples; on its line; rows that come together
 
 
-def run(*command: str | Path, before: Callable[[], None] | None = None) -> str:
-    done = subprocess.run(
-        [*map(str, command)], capture_output=True, text=True, check=False, preexec_fn=before
-    )
+def run(*command: str | Path) -> str:
+    done = subprocess.run([*map(str, command)], capture_output=True, text=True, check=False)
     if done.returncode:
         raise SystemExit(f"{' '.join(map(str, command[-8:]))}\n{done.stderr}")
     return done.stdout
-
-
-def at_real_time() -> None:
-    os.sched_setscheduler(0, os.SCHED_RR, os.sched_param(1))
 
 
 def fitted(scenario: str, folder: Path) -> Path:
@@ -108,12 +102,23 @@ def live(scenario: str, name: str, folder: Path, *, realtime: bool) -> dict[str,
     """One recording in real time."""
     model = fitted(scenario, folder)
     out, log = folder / f"{name}.mcap", folder / "shown.jsonl"
-    load = os.getloadavg()[0]
-    run(
-        *HOST, "record", "--sim", f"{scenario}:{name}", "--seed", "1", "--view", "--force", model,
-        "--force-window", str(WINDOW_S), "--force-log", log, "--out", out,
-        before=at_real_time if realtime else None,
+    setup, load = out.with_suffix(".setup.toml"), os.getloadavg()[0]
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
+        free.bind(("127.0.0.1", 0))
+        torques = "{}:{}".format(*free.getsockname())
+    priority = ["chrt", "--rr", "1"] if realtime else []
+    robot_log = out.with_suffix(".robot.csv")
+    served = subprocess.Popen(
+        [*priority, *SIM, "serve", scenario, "--trial", name, "--seed", "1", "--robot-log", robot_log, "--setup", setup, "--torques-to", torques],
+        stdout=subprocess.PIPE, text=True,
     )  # fmt: skip
+    assert served.stdout is not None
+    ready = json.loads(served.stdout.readline())
+    run(
+        *priority, *HOST, "record", "--port", ready["port"], "--view", "--setup", setup, "--force", model, "--torques", torques,
+        "--force-window", str(WINDOW_S), "--force-log", log, "--duration", str(ready["duration_s"] + 1), "--out", out,
+    )  # fmt: skip
+    closed = json.loads(served.communicate()[0].splitlines()[-1])
     run(*HOST, "export", out, "--out", folder / "study")
     study = read_study(folder / "study")
     (trial,) = study.trials
@@ -128,6 +133,7 @@ def live(scenario: str, name: str, folder: Path, *, realtime: bool) -> dict[str,
     first = next(k for k, m in enumerate(shown) if m["with_module"])
     known = shown[first:]
     result: dict[str, Any] = {"scenario": scenario, "trial": name, "load_average": load, "realtime": realtime}
+    result["simulator_late_ms"] = 1e3 * closed["lag"]["worst_s"]
     result["with_module_percent"] = 100 * float(np.mean([m["with_module"] for m in known]))
     assert aligned.clock is not None
     for label, part in (("matched", known), ("all", shown)):
@@ -232,18 +238,18 @@ def page(found: dict[str, Any]) -> str:
     lines = [
         "# The live force against the offline one",
         "",
-        f"`python bench/live_force.py{' --realtime' if realtime else ''}`: trials of the simulator, recorded in real time with `record --sim --force`, the robot's model from a study",
+        f"`python bench/live_force.py{' --realtime' if realtime else ''}`: trials of the simulator, recorded in real time with `record --force`, the robot's model from a study",
         "of another seed. Offline is the virtual force of the exported trial by the same model, as `fit` and `judge` work it out (zero phase, 4.5 Hz).",
         f"Two cores that had other work (load average {loads} when the recordings began){'; the recordings ran at real-time priority' if realtime else ''}.",
         "",
-        "| trial | live less offline as shown, x and y, % | in the offline band, % | latency of a row: median, 95 %, 99 %, ms | samples lost by the recording |",
-        "| --- | --- | --- | --- | --- |",
+        "| trial | live less offline as shown, x and y, % | in the offline band, % | latency of a row: median, 95 %, 99 %, ms | the simulator itself late by at most, ms | samples lost by the recording |",
+        "| --- | --- | --- | --- | --- | --- |",
     ]
     for one in lives:
         part = one["matched"]
         books = "0, books balanced" if one["balanced"] and one["lost"] == 0 else f"{one['lost']}"
         lines.append(
-            f"| {one['scenario']}:{one['trial']} | {pair(part['rms_percent']['shown'])} | {pair(part['rms_percent']['band'])} | {pair(part['latency_ms'])} | {books} |"
+            f"| {one['scenario']}:{one['trial']} | {pair(part['rms_percent']['shown'])} | {pair(part['rms_percent']['band'])} | {pair(part['latency_ms'])} | {one['simulator_late_ms']:.0f} | {books} |"
         )
     lines += [
         "",
