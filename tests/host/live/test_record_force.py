@@ -12,6 +12,7 @@ from pathlib import Path
 
 import aiohttp
 import pytest
+from browser import Browser
 from click.testing import CliRunner
 from impid_host.cli import cli
 from impid_host.recording.reader import read_recording
@@ -87,8 +88,17 @@ def pushed(url: str, enough, seconds: float) -> dict:
     return asyncio.run(look())
 
 
-def test_force_and_stiffness_are_shown_while_it_records(recording) -> None:
+def test_force_and_stiffness_are_shown_while_it_records(recording, tmp_path: Path) -> None:
     process, url, out, log = recording
+    with Browser(url, tmp_path / "profile") as browser:
+        assert browser.until("felt.looks.length > 0 && felt.t.length > 100", 60)
+        assert browser.evaluate("document.querySelector('.force').hidden") is False
+        shown = browser.evaluate("document.getElementById('now_stiffness_1').textContent")
+        found = re.fullmatch(r"xx ([\d.]+) ± ([\d.]+)", shown)
+        assert found is not None, shown
+        assert float(found[1]) == pytest.approx(421.57, rel=0.05)
+        assert browser.evaluate("felt.force.map((axis) => axis.length)")[1] > 100
+        assert browser.evaluate("impid.problems") == []
     force = pushed(url, lambda told: any("K" in look for look in told["looks"]), 60)
     (look, *_) = [look for look in force["looks"] if "K" in look]
     assert look["axes"] == ["x", "y"]
