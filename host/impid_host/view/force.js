@@ -50,5 +50,5 @@ function drawForce(time, now) {
     low: felt.looks.map((found) => found.ci95[k][k][0]),
     high: felt.looks.map((found) => found.ci95[k][k][1]),
   }));
-  plot(byId("stiffness"), { x: [begin, begin + Math.max(30, now - begin)], xLabel: "time since the run began (s); each point is the window before it", yLabel: byId("stiffness_unit").textContent, least: 1, gap: 3 }, series);
+  plot(byId("stiffness"), { x: [begin, begin + Math.max(30, now - begin)], xLabel: byId("stiffness").clientWidth > 500 ? "time since the run began (s); each point is the window before it" : "end of each window (s)", yLabel: byId("stiffness_unit").textContent, least: 1, gap: 3 }, series);
 }
