@@ -30,7 +30,8 @@ from impid_host.impedance.campaign import default_chain
 from impid_host.impedance.force import force_series
 from impid_host.impedance.identify import RobotParameters
 from impid_host.impedance.rows import finish
-from impid_host.live.observer import LiveForce
+from impid_host.live import observer as live_observer
+from impid_host.live.observer import LiveForce, Tuning
 from impid_host.live.order import known_robot
 from impid_host.live.torques import Rows
 from impid_host.recording.reader import read_recording
@@ -203,7 +204,14 @@ def replayed(counts: int, folder: Path) -> dict[str, Any]:
         sensor, axis=0
     )
     result: dict[str, Any] = {"counts_per_rev": counts, "above_band_percent": (100 * quick).tolist()}
-    for label, setup in (("module", study.setup), ("angles", replace(study.setup, accelerometer=None))):
+    alone, own_tuning = replace(study.setup, accelerometer=None), live_observer.BY_ANGLES
+    as_quick = Tuning(live_observer.WITH_MODULE.gain, own_tuning.memory_s)
+    for label, setup, tuning in (
+        ("module", study.setup, own_tuning),
+        ("as_quick", alone, as_quick),
+        ("angles", alone, own_tuning),
+    ):
+        live_observer.BY_ANGLES = tuning
         observer = LiveForce(setup, robot, WINDOW_S)
         clock, device, log = aligned.clock, trial.device, trial.robot
         assert clock is not None
@@ -286,17 +294,17 @@ def page(found: dict[str, Any]) -> str:
         "",
         f"{LIVE[0][0]}:{LIVE[0][1]} replayed with other encoders, live less offline, x and y, %:",
         "",
-        "| counts per turn | with the accelerometer, 5 ms of lag | its band | by the robot's angles alone, 12.5 ms of lag | its band | the sensor's force above the band |",
-        "| --- | --- | --- | --- | --- | --- |",
+        "| counts per turn | with the accelerometer, 5 ms of lag | by the angles alone, as quick | by the angles alone as it is used, 12.5 ms | the force sensor's own above 4.5 Hz |",
+        "| --- | --- | --- | --- | --- |",
     ]
     for one in encoders:
-        cells = [pair(one[label][name]) for label in ("module", "angles") for name in ("shown", "band")]
+        cells = [pair(one[label]["shown"]) for label in ("module", "as_quick", "angles")]
         lines.append(f"| {one['counts_per_rev']} | {' | '.join(cells)} | {pair(one['above_band_percent'])} |")
     lines += [
         "",
-        "With fine encoders the angles alone do as well, 7.5 ms later; with coarser ones the accelerometer keeps the same noise at less than half of the lag. The last column is",
-        "what the simulated force sensor itself has above 4.5 Hz: the robot's controller differentiates the same coarse counts and shakes the load. That much of the difference is no error",
-        "of the live force, but force that the offline one leaves out.",
+        "Percent of the offline force's rms, as shown. What the accelerometer saves is lag: as quick, the angles of coarse encoders are noisier, and where that does not matter they do as well alone.",
+        "The last column is what the simulated force sensor has above 4.5 Hz: the robot's controller differentiates the same coarse counts and shakes the load. So much of the difference",
+        "is no error of the live force, but force that the offline one leaves out.",
     ]
     return "\n".join(lines) + "\n"
 
