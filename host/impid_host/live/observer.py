@@ -184,8 +184,3 @@ class LiveForce:
         )
         force = through_jacobian(structure.model, rows.theta, torque)
         return force, State(motion, momentum, with_module)
-
-
-def lag_s(*, with_module: bool) -> float:
-    """By how much the observer's force is late by itself, s."""
-    return 1.0 / (WITH_MODULE if with_module else BY_ANGLES).gain
