@@ -1,5 +1,6 @@
 """Serial bytes to samples, statuses and answers. All samples of a piece are unpacked by numpy at once."""
 
+from collections.abc import Iterable
 from dataclasses import astuple, dataclass, field
 from typing import Any
 
@@ -85,6 +86,9 @@ class SerialDecoder:
 
     def feed(self, data: bytes) -> Decoded:
         """What `data` completes."""
+        followed = self._follow(data)
+        if followed is not None:
+            return followed
         frames = self._deframer.feed(data)
         if not len(frames):
             return Decoded()
@@ -93,20 +97,28 @@ class SerialDecoder:
         is_batch = np.isin(kinds, _SAMPLES)
         words = _words(frames, is_batch)
         segments, events = self._samples(frames.headers[is_batch], words)
-        statuses: list[tuple[int, Words]] = []
-        responses: list[Response] = []
-        pongs: list[Pong] = []
-        for i in np.flatnonzero(~is_batch).tolist():
-            kind, header, record = int(kinds[i]), frames.headers[i], frames.of(i).view("<u8")
-            if kind == KIND["STATUS"]:
-                each = max(len(record) // max(int(header["count"]), 1), 1)
-                statuses += [(i, row) for row in record.reshape(-1, each)]
-            elif kind == KIND["RESPONSE"]:
-                responses += [_response(header, word) for word in record]
-            elif kind == KIND["PONG"]:
-                pongs += [_pong(header, word) for word in record.tolist()]
-        said = Statuses.of(frames.headers, statuses)
-        return Decoded(tuple(segments), said, tuple(responses), tuple(pongs), tuple(events))
+        others = np.flatnonzero(~is_batch)
+        return _decoded(segments, events, frames, others.tolist())
+
+    def _follow(self, data: bytes) -> Decoded | None:
+        """In one pass, where all goes on from the last frame; None: not so, nothing was taken."""
+        at, last = self._tracker.expected, self._last_frame
+        if at is None or last is None or last[0] != at.boot_id:
+            return None
+        seq = (last[1] + 1) % _SEQ_MODULUS
+        found = self._deframer.follow(data, at.boot_id, at.index, at.t_us, seq)
+        if found is None:
+            return None
+        count = len(found.index)
+        self._last_frame = (last[0], (found.next_seq - 1) % _SEQ_MODULUS)
+        self._tracker.go_on(count, found.next_t_us)
+        segments = []
+        if count:
+            segments.append(Segment(at.boot_id, at.run, found.index, DeviceSamples(**found.samples)))
+        frames = Frames(*found.others)
+        if not len(frames):
+            return Decoded(tuple(segments))
+        return _decoded(segments, [], frames, range(len(frames)))
 
     def _count_lost_frames(self, frames: Frames) -> None:
         boots, seqs = frames.headers["boot_id"], frames.headers["frame_seq"]
@@ -165,6 +177,25 @@ class SerialDecoder:
             return native.unpack(words, low32)
         wrong = _contradicts(low32.astype(np.uint64), ACCEL.unpack(words[:, 0]), ENCODER.unpack(words[:, 1]))
         return sample_columns(words) if words.shape[1] == _NARROW else {}, wrong if wrong.any() else None
+
+
+def _decoded(segments: list[Segment], events: list[Any], frames: Frames, others: Iterable[int]) -> Decoded:
+    """With what the other frames say."""
+    statuses: list[tuple[int, Words]] = []
+    responses: list[Response] = []
+    pongs: list[Pong] = []
+    for i in others:
+        header, record = frames.headers[i], frames.of(i).view("<u8")
+        kind = int(header["kind"])
+        if kind == KIND["STATUS"]:
+            each = max(len(record) // max(int(header["count"]), 1), 1)
+            statuses += [(i, row) for row in record.reshape(-1, each)]
+        elif kind == KIND["RESPONSE"]:
+            responses += [_response(header, word) for word in record]
+        elif kind == KIND["PONG"]:
+            pongs += [_pong(header, word) for word in record.tolist()]
+    said = Statuses.of(frames.headers, statuses)
+    return Decoded(tuple(segments), said, tuple(responses), tuple(pongs), tuple(events))
 
 
 def _contradicts(low32: Words, accel: dict[str, Words], encoder: dict[str, Words]) -> NDArray[np.bool_]:

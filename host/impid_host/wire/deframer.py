@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from impid_host.wire import native
 from impid_host.wire.frame import CRC_BYTES, DELIMITER, LARGEST_FRAME_BYTES
 from impid_host.wire.messages import HEADER, HEADER_OFFSET, PROTOCOL_VERSION, RECORD_BYTES
+from impid_host.wire.native import Followed
 
 # CRC-32 over a message followed by its own CRC (little-endian) is this constant, whatever the message.
 _CRC_RESIDUE = 0x2144DF1C
@@ -70,12 +71,25 @@ class Deframer:
         data = self._pending + data if self._pending else data
         split = self._split_native if self.native else self._split
         frames, pending_at = split(data)
-        self._pending = data[pending_at:]
-        if len(self._pending) > LARGEST_FRAME_BYTES:
-            self.counts.bytes_discarded += len(self._pending)
-            self._pending, self._overlong = b"", True
-        self.counts.good_frames += len(frames)
+        self._keep(data[pending_at:], len(frames))
         return frames
+
+    def follow(self, data: bytes, boot_id: int, index: int, t_us: int, seq: int) -> Followed | None:
+        """Frames and samples at once, see `native.follow`; None: nothing was taken, `feed` it."""
+        if not self.native or self._overlong:
+            return None
+        data = self._pending + data if self._pending else data
+        followed = native.follow(data, boot_id, index, t_us, seq)
+        if followed is not None:
+            self._keep(data[followed.pending_at :], followed.frames)
+        return followed
+
+    def _keep(self, rest: bytes, good_frames: int) -> None:
+        self._pending = rest
+        if len(rest) > LARGEST_FRAME_BYTES:
+            self.counts.bytes_discarded += len(rest)
+            self._pending, self._overlong = b"", True
+        self.counts.good_frames += good_frames
 
     def _split(self, data: bytes) -> tuple[Frames, int]:
         """The frames, and where what is no whole one begins."""

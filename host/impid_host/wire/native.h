@@ -4,16 +4,20 @@
 #define IMPID_WIRE_NATIVE_H
 
 /* How a frame is recognised: bytes of header and CRC, where its fields stand,
-   and the sizes of a record of each kind (two at most, 0: none). */
+   the kinds that hold samples, and the sizes of a record of each kind (two at
+   most, 0: none). */
 typedef struct {
   uint32_t header_bytes, kind_at, version_at, count_at, version, largest;
+  uint32_t boot_at, seq_at, index_at, t0_at;
+  uint32_t samples, samples_wide, period_us;
   uint32_t record_bytes[256][2];
 } impid_frame_layout;
 
 /* What a piece held. joined and overlong go in and come out: a delimiter was
- * seen; within a run too long for a frame. */
+ * seen; within a run too long for a frame. followed counts the frames of samples
+ * that impid_follow took. */
 typedef struct {
-  size_t frames, record_bytes, pending_at;
+  size_t frames, record_bytes, pending_at, followed;
   uint64_t bad, discarded;
   int32_t joined, overlong;
 } impid_deframed;
@@ -44,4 +48,23 @@ size_t impid_unpack(const impid_sample_layout *layout, const uint64_t *words,
                     size_t samples, const uint32_t *index, uint8_t flags_kept,
                     uint16_t *ax, uint16_t *ay, int32_t *enc1, int32_t *enc2,
                     uint8_t *flags, uint8_t *wrong);
+
+/* Where a stream stands: the sample and the frame expected next. */
+typedef struct {
+  uint64_t index, t_us;
+  uint16_t boot, seq;
+} impid_position;
+
+/* The same as both above, where everything goes on from the position: no
+ * damage, no loss, no new run, no wide sample. Returns the samples, or -1 at
+ * the first thing else; nothing is to be used then. Frames of other kinds come
+ * out as above. block has room for rows samples, a multiple of 8: column after
+ * column t_us, index (uint64), seq, enc1, enc2 (32 bits), ax, ay (16), flags.
+ */
+int64_t impid_follow(const impid_frame_layout *layout,
+                     const impid_sample_layout *samples, const uint8_t *data,
+                     size_t bytes, uint8_t flags_kept, impid_position *position,
+                     uint8_t *block, size_t rows, uint8_t *scratch,
+                     uint8_t *headers, uint8_t *records, int64_t *ends,
+                     impid_deframed *result);
 #endif

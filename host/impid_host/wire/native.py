@@ -1,6 +1,6 @@
 """The hot loops of the serial decoder in C, where the package was built with a compiler and cffi is there."""
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,8 +12,10 @@ from impid_host.wire.messages import (
     FLAG_FINE,
     HEADER,
     HEADER_OFFSET,
+    KIND,
     PROTOCOL_VERSION,
     RECORD_BYTES,
+    SAMPLE_PERIOD_US,
     MessageLayout,
     Words,
 )
@@ -33,9 +35,7 @@ def deframe(
     data: bytes, *, joined: bool, overlong: bool
 ) -> tuple[NDArray[Any], NDArray[np.uint8], NDArray[np.int64], Any]:
     """Headers (N,), records of all frames, their ends (N,), and an `impid_deframed`."""
-    headers = np.empty(len(data), np.uint8)
-    records = np.empty(len(data), np.uint8)
-    ends = np.empty(len(data) // _SMALLEST_FRAME_BYTES + 1, np.int64)
+    headers, records, ends = _room(len(data))
     found = ffi.new("impid_deframed *", {"joined": joined, "overlong": overlong})
     lib.impid_deframe(
         _FRAMES,
@@ -66,13 +66,93 @@ def unpack(
         ffi.from_buffer("uint64_t[]", words),
         count,
         ffi.from_buffer("uint32_t[]", index),
-        0xFF ^ FLAG_FINE,
+        _FLAGS_KEPT,
         *pointers,
         ffi.from_buffer("uint8_t[]", wrong),
     )
     return columns, wrong if contradicting else None
 
 
+class Followed(NamedTuple):
+    """A piece that goes on exactly where the stream stands.
+
+    Attributes:
+        samples: columns by the names of `DeviceSamples`, each (N,); index: 64 bit, (N,).
+        others: headers (K,), records and ends (K,) of the frames of other kinds, as `deframe` gives them.
+        frames: how many good ones of any kind.
+        pending_at: where what is no whole frame begins.
+        next_t_us, next_seq: stamp of the sample expected next, number of the frame expected next.
+    """
+
+    samples: dict[str, NDArray[Any]]
+    index: NDArray[np.uint64]
+    others: tuple[NDArray[Any], NDArray[np.uint8], NDArray[np.int64]]
+    frames: int
+    pending_at: int
+    next_t_us: int
+    next_seq: int
+
+
+def follow(data: bytes, boot_id: int, index: int, t_us: int, seq: int) -> Followed | None:
+    """Frames and samples at once, where nothing is damaged, lost, new or wide; else None.
+
+    boot_id, index (64 bit) and t_us are those of the sample expected next, seq is the number of the frame.
+    """
+    rows = (len(data) // RECORD_BYTES[KIND["SAMPLES"]][0] + 8) // 8 * 8
+    block = np.empty(rows * _ROW_BYTES, np.uint8)
+    headers, records, ends = _room(len(data))
+    found = ffi.new("impid_deframed *")
+    position = ffi.new("impid_position *", (index, t_us, boot_id, seq))
+    made = lib.impid_follow(
+        _FRAMES,
+        _SAMPLES,
+        ffi.from_buffer(data),
+        len(data),
+        _FLAGS_KEPT,
+        position,
+        ffi.from_buffer("uint8_t[]", block),
+        rows,
+        _SCRATCH,
+        ffi.from_buffer("uint8_t[]", headers),
+        ffi.from_buffer("uint8_t[]", records),
+        ffi.from_buffer("int64_t[]", ends),
+        found,
+    )
+    if made < 0:
+        return None
+    columns, at = {}, 0
+    for name, kind, size in _BLOCK:
+        columns[name] = np.ndarray(made, kind, block, at)
+        at += rows * size
+    told = headers[: found.frames * HEADER.itemsize].view(HEADER)
+    others = told, records[: found.record_bytes], ends[: found.frames]
+    frames = found.frames + found.followed
+    numbered = columns.pop("index")
+    return Followed(columns, numbered, others, frames, found.pending_at, position.t_us, position.seq)
+
+
+def _room(size: int) -> tuple[NDArray[np.uint8], NDArray[np.uint8], NDArray[np.int64]]:
+    """For the headers, records and ends of the frames in so many bytes."""
+    frames = size // _SMALLEST_FRAME_BYTES + 1
+    return np.empty(size, np.uint8), np.empty(size, np.uint8), np.empty(frames, np.int64)
+
+
+# As impid_follow lays them out: name, type, bytes.
+_BLOCK = [
+    (name, np.dtype(kind), np.dtype(kind).itemsize)
+    for name, kind in (
+        ("t_us", "u8"),
+        ("index", "u8"),
+        ("seq", "u4"),
+        ("enc1", "i4"),
+        ("enc2", "i4"),
+        ("ax", "u2"),
+        ("ay", "u2"),
+        ("flags", "u1"),
+    )
+]
+_ROW_BYTES = sum(size for _, _, size in _BLOCK)
+_FLAGS_KEPT = 0xFF ^ FLAG_FINE
 _POINTER = {"u2": "uint16_t[]", "i4": "int32_t[]", "u1": "uint8_t[]"}
 
 
@@ -83,6 +163,11 @@ def _frame_layout() -> Any:
     layout.kind_at, layout.version_at, layout.count_at = (
         HEADER_OFFSET[name] for name in ("kind", "version", "count")
     )
+    layout.boot_at, layout.seq_at, layout.index_at, layout.t0_at = (
+        HEADER_OFFSET[name] for name in ("boot_id", "frame_seq", "first_index", "t0_us")
+    )
+    layout.samples, layout.samples_wide = KIND["SAMPLES"], KIND["SAMPLES_WIDE"]
+    layout.period_us = SAMPLE_PERIOD_US
     for kind, sizes in RECORD_BYTES.items():
         for n, size in enumerate(sizes):
             layout.record_bytes[kind][n] = size
