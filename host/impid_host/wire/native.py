@@ -31,24 +31,94 @@ _ACCEL = ("ax", "ay", "index_low16", "flags", "enc1_high4", "enc2_high4")
 _ENCODER = ("enc1_low28", "enc2_low28", "index_low8")
 
 
-def deframe(
-    data: bytes, *, joined: bool, overlong: bool
-) -> tuple[NDArray[Any], NDArray[np.uint8], NDArray[np.int64], Any]:
-    """Headers (N,), records of all frames, their ends (N,), and an `impid_deframed`."""
-    headers, records, ends = _room(len(data))
-    found = ffi.new("impid_deframed *", {"joined": joined, "overlong": overlong})
-    lib.impid_deframe(
-        _FRAMES,
-        ffi.from_buffer(data),
-        len(data),
-        _SCRATCH,
-        ffi.from_buffer("uint8_t[]", headers),
-        ffi.from_buffer("uint8_t[]", records),
-        ffi.from_buffer("int64_t[]", ends),
-        found,
-    )
-    told = headers[: found.frames * HEADER.itemsize].view(HEADER)
-    return told, records[: found.record_bytes], ends[: found.frames], found
+class Followed(NamedTuple):
+    """A piece that goes on exactly where the stream stands.
+
+    Attributes:
+        samples: columns by the names of `DeviceSamples`, each (N,).
+        numbers: their index, 64 bit, (N,).
+        others: headers (K,), records and ends (K,) of the frames of other kinds, as `deframe` gives them;
+            None where there are none.
+        frames: how many good ones of any kind.
+        pending_at: where what is no whole frame begins.
+        next_t_us, next_seq: stamp of the sample expected next, number of the frame expected next.
+    """
+
+    samples: dict[str, NDArray[Any]]
+    numbers: NDArray[np.uint64]
+    others: tuple[NDArray[Any], NDArray[np.uint8], NDArray[np.int64]] | None
+    frames: int
+    pending_at: int
+    next_t_us: int
+    next_seq: int
+
+
+class Splitter:
+    """One stream's room in memory: C runs beside other threads, so no two streams share it."""
+
+    def __init__(self) -> None:
+        if not available:
+            return
+        self._scratch = ffi.new("uint8_t[]", LARGEST_FRAME_BYTES)
+        self._found, self._position = ffi.new("impid_deframed *"), ffi.new("impid_position *")
+        self._size = -1
+        self._room: tuple[tuple[NDArray[Any], ...], tuple[Any, ...]] = ((), ())
+
+    def deframe(
+        self, data: bytes, *, joined: bool, overlong: bool
+    ) -> tuple[NDArray[Any], NDArray[np.uint8], NDArray[np.int64], Any]:
+        """Headers (N,), records of all frames, their ends (N,), and an `impid_deframed`."""
+        (headers, records, ends), pointers = _room(len(data))
+        found = ffi.new("impid_deframed *", {"joined": joined, "overlong": overlong})
+        lib.impid_deframe(_FRAMES, ffi.from_buffer(data), len(data), self._scratch, *pointers, found)
+        told = headers[: found.frames * HEADER.itemsize].view(HEADER)
+        return told, records[: found.record_bytes], ends[: found.frames], found
+
+    def follow(self, data: bytes, boot_id: int, index: int, t_us: int, seq: int) -> Followed | None:
+        """Frames and samples at once, where nothing is damaged, lost, new or wide; else None.
+
+        boot_id, index (64 bit) and t_us are those of the sample expected next, seq the number of the frame.
+        """
+        size = len(data)
+        if size > self._size:
+            self._room, self._size = _room(size), size
+        rows = (size // _SAMPLE_BYTES + 8) // 8 * 8
+        block = np.empty(rows * _ROW_BYTES, np.uint8)
+        found, position = self._found, self._position
+        found.frames = found.record_bytes = found.followed = 0
+        position.index, position.t_us, position.boot, position.seq = index, t_us, boot_id, seq
+        made = lib.impid_follow(
+            _FRAMES,
+            _SAMPLES,
+            ffi.from_buffer(data),
+            size,
+            _FLAGS_KEPT,
+            position,
+            ffi.from_buffer("uint8_t[]", block),
+            rows,
+            self._scratch,
+            *self._room[1],
+            found,
+        )
+        if made < 0:
+            return None
+        columns = {name: np.ndarray(made, kind, block, at * rows) for name, kind, at in _BLOCK}
+        others, frames = None, found.frames
+        if frames:
+            headers, records, ends = self._room[0]
+            told = headers[: frames * HEADER.itemsize].copy().view(HEADER)
+            others = told, records[: found.record_bytes].copy(), ends[:frames].copy()
+        numbers = columns.pop("index")
+        good = frames + found.followed
+        return Followed(columns, numbers, others, good, found.pending_at, position.t_us, position.seq)
+
+
+def _room(size: int) -> tuple[tuple[NDArray[Any], ...], tuple[Any, ...]]:
+    """For the headers, records and ends of the frames in so many bytes; and where it is."""
+    frames = size // _SMALLEST_FRAME_BYTES + 1
+    room = np.empty(size, np.uint8), np.empty(size, np.uint8), np.empty(frames, np.int64)
+    kinds = "uint8_t[]", "uint8_t[]", "int64_t[]"
+    return room, tuple(ffi.from_buffer(kind, each) for kind, each in zip(kinds, room, strict=True))
 
 
 def unpack(
@@ -73,85 +143,21 @@ def unpack(
     return columns, wrong if contradicting else None
 
 
-class Followed(NamedTuple):
-    """A piece that goes on exactly where the stream stands.
-
-    Attributes:
-        samples: columns by the names of `DeviceSamples`, each (N,); index: 64 bit, (N,).
-        others: headers (K,), records and ends (K,) of the frames of other kinds, as `deframe` gives them.
-        frames: how many good ones of any kind.
-        pending_at: where what is no whole frame begins.
-        next_t_us, next_seq: stamp of the sample expected next, number of the frame expected next.
-    """
-
-    samples: dict[str, NDArray[Any]]
-    index: NDArray[np.uint64]
-    others: tuple[NDArray[Any], NDArray[np.uint8], NDArray[np.int64]]
-    frames: int
-    pending_at: int
-    next_t_us: int
-    next_seq: int
-
-
-def follow(data: bytes, boot_id: int, index: int, t_us: int, seq: int) -> Followed | None:
-    """Frames and samples at once, where nothing is damaged, lost, new or wide; else None.
-
-    boot_id, index (64 bit) and t_us are those of the sample expected next, seq is the number of the frame.
-    """
-    rows = (len(data) // RECORD_BYTES[KIND["SAMPLES"]][0] + 8) // 8 * 8
-    block = np.empty(rows * _ROW_BYTES, np.uint8)
-    headers, records, ends = _room(len(data))
-    found = ffi.new("impid_deframed *")
-    position = ffi.new("impid_position *", (index, t_us, boot_id, seq))
-    made = lib.impid_follow(
-        _FRAMES,
-        _SAMPLES,
-        ffi.from_buffer(data),
-        len(data),
-        _FLAGS_KEPT,
-        position,
-        ffi.from_buffer("uint8_t[]", block),
-        rows,
-        _SCRATCH,
-        ffi.from_buffer("uint8_t[]", headers),
-        ffi.from_buffer("uint8_t[]", records),
-        ffi.from_buffer("int64_t[]", ends),
-        found,
-    )
-    if made < 0:
-        return None
-    columns, at = {}, 0
-    for name, kind, size in _BLOCK:
-        columns[name] = np.ndarray(made, kind, block, at)
-        at += rows * size
-    told = headers[: found.frames * HEADER.itemsize].view(HEADER)
-    others = told, records[: found.record_bytes], ends[: found.frames]
-    frames = found.frames + found.followed
-    numbered = columns.pop("index")
-    return Followed(columns, numbered, others, frames, found.pending_at, position.t_us, position.seq)
-
-
-def _room(size: int) -> tuple[NDArray[np.uint8], NDArray[np.uint8], NDArray[np.int64]]:
-    """For the headers, records and ends of the frames in so many bytes."""
-    frames = size // _SMALLEST_FRAME_BYTES + 1
-    return np.empty(size, np.uint8), np.empty(size, np.uint8), np.empty(frames, np.int64)
-
-
-# As impid_follow lays them out: name, type, bytes.
-_BLOCK = [
-    (name, np.dtype(kind), np.dtype(kind).itemsize)
-    for name, kind in (
-        ("t_us", "u8"),
-        ("index", "u8"),
-        ("seq", "u4"),
-        ("enc1", "i4"),
-        ("enc2", "i4"),
-        ("ax", "u2"),
-        ("ay", "u2"),
-        ("flags", "u1"),
-    )
-]
-_ROW_BYTES = sum(size for _, _, size in _BLOCK)
+# As impid_follow lays them out: name, type, bytes of a row before it.
+_COLUMNS = {
+    "t_us": "u8",
+    "index": "u8",
+    "seq": "u4",
+    "enc1": "i4",
+    "enc2": "i4",
+    "ax": "u2",
+    "ay": "u2",
+    "flags": "u1",
+}
+_BYTES = [np.dtype(kind).itemsize for kind in _COLUMNS.values()]
+_BLOCK = [(name, np.dtype(kind), sum(_BYTES[:n])) for n, (name, kind) in enumerate(_COLUMNS.items())]
+_ROW_BYTES = sum(_BYTES)
+_SAMPLE_BYTES = RECORD_BYTES[KIND["SAMPLES"]][0]
 _FLAGS_KEPT = 0xFF ^ FLAG_FINE
 _POINTER = {"u2": "uint16_t[]", "i4": "int32_t[]", "u1": "uint8_t[]"}
 
@@ -183,4 +189,3 @@ if available:
     _SAMPLES = ffi.new(
         "impid_sample_layout *", {"accel": _signals(ACCEL, _ACCEL), "encoder": _signals(ENCODER, _ENCODER)}
     )
-    _SCRATCH = ffi.new("uint8_t[]", LARGEST_FRAME_BYTES)
