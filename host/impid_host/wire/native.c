@@ -304,3 +304,108 @@ int64_t impid_follow(const impid_frame_layout *layout,
   result->pending_at = (size_t)(at - data);
   return (int64_t)made;
 }
+
+/* Takes the EPOCH behind a TIME; 0: it does not agree with the date that holds. */
+static int date_agrees(const impid_can_layout *layout, impid_bus *bus,
+                       uint64_t word) {
+  const uint32_t index = (uint32_t)signal_of(&layout->epoch_index, word);
+  const uint64_t t_us = signal_of(&layout->time_us, bus->time);
+  const uint32_t since = index - bus->date_index;
+  if (!bus->has_time ||
+      signal_of(&layout->time_index, bus->time) !=
+          (index & layout->time_index.mask) ||
+      signal_of(&layout->epoch_version, word) != layout->version ||
+      signal_of(&layout->epoch_boot, word) != bus->boot ||
+      t_us != bus->date_us + (uint64_t)since * layout->period_us) {
+    return 0;
+  }
+  bus->has_time = 0;
+  bus->date_index = index;
+  bus->date_us = t_us;
+  bus->good += 2;
+  bus->dated = bus->date_unused = 1;
+  return 1;
+}
+
+/* The sample of two halves; 0: it is not the one that comes next. */
+static int append_halves(const impid_can_layout *layout,
+                         const impid_sample_layout *where, impid_bus *bus,
+                         const impid_can_frame *second, uint8_t flags_kept,
+                         const columns *out, size_t made) {
+  const uint32_t index = (uint32_t)bus->index;
+  const uint64_t flags = signal_of(&where->accel[3], bus->accel);
+  /* Half the range of the low bits around the date: beyond it they are
+   * ambiguous. */
+  const uint32_t since = index - bus->date_index + 0x8000u;
+  if (contradicts(where, bus->accel, second->word, index) ||
+      (flags & (layout->flag_fine | layout->flag_reset)) != 0 ||
+      since >= 0x10000u || second->ns - bus->accel_ns >= layout->apart_ns) {
+    return 0;
+  }
+  const uint64_t dated_us =
+      bus->date_us + since * (uint64_t)layout->period_us -
+      0x8000u * (uint64_t)layout->period_us;
+  if (dated_us != bus->t_us) {
+    return 0;
+  }
+  out->index[made] = bus->index;
+  out->seq[made] = index;
+  out->t_us[made] = bus->t_us;
+  unpack_one(where, bus->accel, second->word, flags_kept, out, made);
+  bus->index++;
+  bus->t_us += layout->period_us;
+  bus->has_accel = 0;
+  bus->good += 2;
+  return 1;
+}
+
+int64_t impid_follow_can(const impid_can_layout *layout,
+                         const impid_sample_layout *samples,
+                         const impid_can_frame *frames, size_t count,
+                         uint8_t flags_kept, impid_bus *bus, uint8_t *block,
+                         size_t rows, int64_t *at, int64_t *others) {
+  const impid_sample_layout where = *samples;
+  const impid_can_layout known = *layout;
+  const columns out = columns_in(block, rows);
+  size_t made = 0;
+  int64_t epoch_at = -1;
+  for (size_t i = 0; i < count; i++) {
+    const impid_can_frame *frame = &frames[i];
+    if (frame->identifier >= known.standard || frame->dlc != 8) {
+      continue;
+    }
+    if (frame->identifier == known.accel) {
+      if (bus->has_accel) {
+        return -1;
+      }
+      bus->has_accel = 1;
+      bus->accel = frame->word;
+      bus->accel_ns = frame->ns;
+      bus->accel_at = (int64_t)i;
+    } else if (frame->identifier == known.encoder) {
+      if (!bus->has_accel || !append_halves(&known, &where, bus, frame,
+                                            flags_kept, &out, made)) {
+        return -1;
+      }
+      if (bus->accel_at >= epoch_at) {
+        bus->date_unused = 0;
+      }
+      at[made++] = bus->accel_at;
+    } else if (frame->identifier == known.time) {
+      bus->has_time = 1;
+      bus->time = frame->word;
+    } else if (frame->identifier == known.epoch) {
+      if (!date_agrees(&known, bus, frame->word)) {
+        return -1;
+      }
+      epoch_at = (int64_t)i;
+    } else if (frame->identifier == known.fine ||
+               (frame->identifier == known.response &&
+                signal_of(&known.opcode, frame->word) == known.start)) {
+      return -1;
+    } else {
+      others[bus->others++] = (int64_t)i;
+    }
+  }
+  return (int64_t)made;
+}

@@ -67,4 +67,45 @@ int64_t impid_follow(const impid_frame_layout *layout,
                      uint8_t *block, size_t rows, uint8_t *scratch,
                      uint8_t *headers, uint8_t *records, int64_t *ends,
                      impid_deframed *result);
+
+/* A CAN frame as the recording keeps it. */
+typedef struct {
+  uint64_t ns;
+  uint32_t identifier;
+  uint8_t dlc, reserved[3];
+  uint64_t word;
+} impid_can_frame;
+
+/* Identifiers, and where the signals lie that date a sample. standard: one more
+ * than the largest identifier; start: the opcode of START. */
+typedef struct {
+  uint32_t standard, accel, encoder, fine, time, epoch, response, start;
+  uint32_t version, period_us, flag_fine, flag_reset;
+  uint64_t apart_ns;
+  impid_signal time_us, time_index, epoch_index, epoch_boot, epoch_version,
+      opcode;
+} impid_can_layout;
+
+/* Where a bus stands: the sample expected next; the date that holds; an ACCEL
+ * without its ENCODER and a TIME without its EPOCH, where there are. Of the
+ * piece come out: frames that made something, frames of other identifiers,
+ * whether it brought a date, whether the last date is behind the last sample. */
+typedef struct {
+  uint64_t index, t_us, date_us;
+  uint32_t date_index;
+  uint16_t boot;
+  int32_t has_accel, has_time, dated, date_unused;
+  uint64_t accel, accel_ns, time;
+  int64_t accel_at;
+  size_t good, others;
+} impid_bus;
+
+/* As impid_follow, of CAN frames: halves that pair, dates that agree, no START,
+ * no reset. at (N,) is where the ACCEL of each sample stood (-1: in the piece
+ * before), others where the frames of other identifiers. */
+int64_t impid_follow_can(const impid_can_layout *layout,
+                         const impid_sample_layout *samples,
+                         const impid_can_frame *frames, size_t count,
+                         uint8_t flags_kept, impid_bus *bus, uint8_t *block,
+                         size_t rows, int64_t *at, int64_t *others);
 #endif

@@ -25,6 +25,17 @@ try:
 except ImportError:
     ffi = lib = None
 
+__all__ = [
+    "FLAGS_KEPT",
+    "Followed",
+    "Splitter",
+    "available",
+    "columns_of",
+    "ffi",
+    "lib",
+    "new_block",
+    "unpack",
+]
 available = lib is not None
 _SMALLEST_FRAME_BYTES = HEADER.itemsize + CRC_BYTES
 _ACCEL = ("ax", "ay", "index_low16", "flags", "enc1_high4", "enc2_high4")
@@ -82,17 +93,16 @@ class Splitter:
         size = len(data)
         if size > self._size:
             self._room, self._size = _room(size), size
-        rows = (size // _SAMPLE_BYTES + 8) // 8 * 8
-        block = np.empty(rows * _ROW_BYTES, np.uint8)
+        rows, block = new_block(size // _SAMPLE_BYTES)
         found, position = self._found, self._position
         found.frames = found.record_bytes = found.followed = 0
         position.index, position.t_us, position.boot, position.seq = index, t_us, boot_id, seq
         made = lib.impid_follow(
             _FRAMES,
-            _SAMPLES,
+            SAMPLES,
             ffi.from_buffer(data),
             size,
-            _FLAGS_KEPT,
+            FLAGS_KEPT,
             position,
             ffi.from_buffer("uint8_t[]", block),
             rows,
@@ -102,7 +112,7 @@ class Splitter:
         )
         if made < 0:
             return None
-        columns = {name: np.ndarray(made, kind, block, at * rows) for name, kind, at in _BLOCK}
+        columns = columns_of(block, rows, made)
         others, frames = None, found.frames
         if frames:
             headers, records, ends = self._room[0]
@@ -121,6 +131,17 @@ def _room(size: int) -> tuple[tuple[NDArray[Any], ...], tuple[Any, ...]]:
     return room, tuple(ffi.from_buffer(kind, each) for kind, each in zip(kinds, room, strict=True))
 
 
+def new_block(samples: int) -> tuple[int, NDArray[np.uint8]]:
+    """Room for so many samples, as C lays them out: rows, block."""
+    rows = (samples + 8) // 8 * 8
+    return rows, np.empty(rows * _ROW_BYTES, np.uint8)
+
+
+def columns_of(block: NDArray[np.uint8], rows: int, made: int) -> dict[str, NDArray[Any]]:
+    """Its columns by the names of `DeviceSamples`, and index, each (made,)."""
+    return {name: np.ndarray(made, kind, block, at * rows) for name, kind, at in _BLOCK}
+
+
 def unpack(
     words: Words, index: NDArray[np.uint32]
 ) -> tuple[dict[str, NDArray[Any]], NDArray[np.bool_] | None]:
@@ -132,11 +153,11 @@ def unpack(
     wrong = np.empty(count, np.bool_)
     pointers = [ffi.from_buffer(_POINTER[kind], columns[name]) for name, kind in kinds.items()]
     contradicting = lib.impid_unpack(
-        _SAMPLES,
+        SAMPLES,
         ffi.from_buffer("uint64_t[]", words),
         count,
         ffi.from_buffer("uint32_t[]", index),
-        _FLAGS_KEPT,
+        FLAGS_KEPT,
         *pointers,
         ffi.from_buffer("uint8_t[]", wrong),
     )
@@ -158,7 +179,7 @@ _BYTES = [np.dtype(kind).itemsize for kind in _COLUMNS.values()]
 _BLOCK = [(name, np.dtype(kind), sum(_BYTES[:n])) for n, (name, kind) in enumerate(_COLUMNS.items())]
 _ROW_BYTES = sum(_BYTES)
 _SAMPLE_BYTES = RECORD_BYTES[KIND["SAMPLES"]][0]
-_FLAGS_KEPT = 0xFF ^ FLAG_FINE
+FLAGS_KEPT = 0xFF ^ FLAG_FINE
 _POINTER = {"u2": "uint16_t[]", "i4": "int32_t[]", "u1": "uint8_t[]"}
 
 
@@ -186,6 +207,6 @@ def _signals(layout: MessageLayout, names: tuple[str, ...]) -> list[dict[str, in
 
 if available:
     _FRAMES = _frame_layout()
-    _SAMPLES = ffi.new(
+    SAMPLES = ffi.new(
         "impid_sample_layout *", {"accel": _signals(ACCEL, _ACCEL), "encoder": _signals(ENCODER, _ENCODER)}
     )
