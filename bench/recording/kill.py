@@ -82,7 +82,7 @@ def main(times: int = 200, how: str = "") -> None:
             size, wait_s = int(rng.uniform(6e3, 30e3)), float(rng.uniform(0, longest_wait_s))
             result = run(out, size, wait_s, stalled=stalled)
             found += [result] if result is not None else []
-            out.unlink()
+            out.unlink(missing_ok=True)
     missing = np.array([each["missing"] for each in found])
     taken = np.array([each["taken"] for each in found])
     save(
