@@ -26,4 +26,5 @@ class Estimated:
     bias_sd: tuple[float, float] | None = None
 
     def __str__(self) -> str:
-        return f"Estimated by {self.by.replace('-', ' ')}: {self.reason}"
+        by = self.by.replace("-", " ") + (f" ({self.instruments})" if self.by == "instruments" else "")
+        return f"Estimated by {by}: {self.reason}"
