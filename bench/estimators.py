@@ -1,6 +1,6 @@
 """Bias and coverage of least squares, instruments, output error and the choice by evidence, where truth is known.
 
-    python bench/estimators.py [STUDIES] [--slow STUDIES] [--markdown FILE] [--keep FILE]
+    python bench/estimators.py [STUDIES] [--slow STUDIES] [--only WORDS] [--markdown FILE] [--keep FILE]
 
 Studies of bench/estimator_cases.py through `fit`'s own regression; STUDIES each, --slow of those that simulate.
 Answers are kept in a file that begins with a fingerprint of the estimators, so a run may be broken off. Where
@@ -124,7 +124,7 @@ def fingerprint() -> str:
     return hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()[:16]
 
 
-def run(studies: int, slow: int, path: Path) -> dict[tuple[str, str, str], list[dict[str, Any]]]:
+def run(studies: int, slow: int, path: Path, only: str) -> dict[tuple[str, str, str], list[dict[str, Any]]]:
     """Every study that was asked for, from the file where it is there."""
     own, done = fingerprint(), {}
     if path.exists():
@@ -138,6 +138,8 @@ def run(studies: int, slow: int, path: Path) -> dict[tuple[str, str, str], list[
     result = {}
     with path.open("a", encoding="utf-8") as file:
         for row in rows():
+            if only not in row.what:
+                continue
             found = []
             for seed in range(slow // row.slow if row.slow else studies):
                 name = f"{row.what} {row.noise} {row.wish} {seed}"
@@ -251,10 +253,11 @@ def main() -> None:
     )
     parser.add_argument("studies", type=int, nargs="?", default=100)
     parser.add_argument("--slow", type=int, default=20)
+    parser.add_argument("--only", default="", help="cases whose name has this in it")
     parser.add_argument("--markdown", type=Path)
     parser.add_argument("--keep", type=Path, default=Path("build/estimators.jsonl"))
     options = parser.parse_args()
-    found = run(options.studies, options.slow, options.keep)
+    found = run(options.studies, options.slow, options.keep, options.only)
     result = [
         {"case": what, "noise": noise, "estimator": wish, **summary(own)}
         for (what, noise, wish), own in found.items()

@@ -32,6 +32,7 @@ _SETTLED = 0.05  # of a standard deviation
 _HALVINGS = 4
 _SMALL = 1e-4  # of a parameter, the step of its slope
 _BEGINNING = 1e-4  # rad (m) and rad/s: the step of the slope in how the motion began
+_FORGOTTEN = 1e-4  # m (rad) at the first row, of a rad or rad/s at the beginning
 _DRIVE_HZ = 25.0  # above it a limb does nothing of what is compared
 _SHORTEST_S = 4.0  # of a run between gaps
 
@@ -164,13 +165,22 @@ def _settled(
     problem = _Problem(runs, machines, np.maximum(np.abs(start.value), start.sd), alpha, chain, closed)
     p, extra = len(start.value), problem.beginnings
     value = np.concatenate([start.value, np.zeros(extra)])
-    names = (*start.names, *(f"start{k + 1}" for k in range(extra)))
-    units = (*start.units, *("",) * extra)
+    names = np.array([*start.names, *(f"start{k + 1}" for k in range(extra))])
+    units = np.array([*start.units, *("",) * extra])
     rows = problem.linearised(value)
+    # A well damped limb has forgotten how it began before the first row.
+    felt = np.max([np.max(np.abs(row.design), axis=(0, 1)) for row in rows], axis=0) > _FORGOTTEN
+    felt[:p] = True
     for _ in range(_ROUNDS):
-        covariance = None if nuisance is None else nuisance[1]
-        found = fit_linear(rows, names, units, ar_order=chain.ar_order, nuisance_covariance=covariance)
-        step = found.value - value
+        found = fit_linear(
+            [replace(row, design=row.design[:, :, felt]) for row in rows],
+            tuple(names[felt]),
+            tuple(units[felt]),
+            ar_order=chain.ar_order,
+            nuisance_covariance=None if nuisance is None else nuisance[1],
+        )
+        step = np.zeros(len(value))
+        step[felt] = found.value - value[felt]
         if np.all(np.abs(step[:p]) < _SETTLED * found.sd[:p]):
             return replace(
                 found,
