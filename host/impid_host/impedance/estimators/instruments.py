@@ -38,7 +38,13 @@ class Model:
 
 def commanded(trials: Sequence[AlignedTrial]) -> bool:
     """True where every trial says what its controller was told."""
-    return all(trial.reference is not None or trial.perturbation is not None for trial in trials)
+    return all(trial.reference is not None or _push(trial) is not None for trial in trials)
+
+
+def _push(trial: AlignedTrial) -> Floats | None:
+    """The commanded perturbation along the robot's own axes; fdx, fdy are forces in a plane."""
+    p = trial.perturbation
+    return p if p is not None and p.shape[1] == trial.x.shape[1] else None
 
 
 def by_accelerometer(trials: Sequence[AlignedTrial]) -> bool:
@@ -117,11 +123,12 @@ def controller(trial: AlignedTrial, structure: RobotStructure, chain: Chain) -> 
             stiffness[j, j], damping[j, j] = -kp, -kd
             u[:, j] = kp * r[:, j] + (kd + by_rate) * r_dot[:, j] + by_acc * r_ddot[:, j] + offset
         return Law(1 / rate, u, stiffness, damping)
-    if trial.perturbation is None:
+    force = _push(trial)
+    if force is None:
         raise UndeterminedError(f"trial {trial.name}: nothing says what its controller was told")
-    push = np.einsum("kij,ki->kj", structure.model.jacobian(theta), trial.perturbation)
+    push = np.einsum("kij,ki->kj", structure.model.jacobian(theta), force)
     u, gain = np.empty_like(theta), np.empty(n)
     for j in range(n):
         found = law_of(j, [push[:, j], *theta.T, *omega.T, one])
         gain[j], stiffness[j], damping[j], u[:, j] = found[0], found[1 : n + 1], found[n + 1 : -1], found[-1]
-    return Law(1 / rate, u, stiffness, damping, trial.perturbation, gain)
+    return Law(1 / rate, u, stiffness, damping, force, gain)
