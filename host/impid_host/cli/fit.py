@@ -8,6 +8,7 @@ import click
 from impid_host.cli.inputs import load_inputs
 from impid_host.cli.pair import PAIR
 from impid_host.cli.window import window_option
+from impid_host.impedance.estimators.estimated import ESTIMATORS, EstimatorWish
 from impid_host.robot.terms import TERMS
 from impid_host.signals.chain import CHAINS, DEFAULT
 
@@ -55,6 +56,15 @@ REFLEX = "load.delay"
     metavar="EFFECT",
     help=f"Add a term to the robot model; may be repeated. One of {', '.join(TERMS)}; or {REFLEX}, the late "
     "stretch reflex of a limb on a joint-1d.",
+)
+@click.option(
+    "--estimator",
+    type=click.Choice(list(ESTIMATORS)),
+    default="least-squares",
+    show_default=True,
+    help="instruments: the motion by the simulated model (where the log has theta1_ref or fdx, fdy) or the "
+    "angles, against noise in the regressors; output-error: the model simulated; auto: least squares where "
+    "they are shown to agree with instruments, else instruments.",
 )
 @click.option(
     "--validate",
@@ -108,6 +118,7 @@ def command(
     acceleration: Literal["accelerometer", "angles"] | None,
     cutoff: float | None,
     terms: tuple[str, ...],
+    estimator: EstimatorWish,
     validate: float,
     model_file: Path | None,
     saved_robot: bool,
@@ -136,6 +147,7 @@ def command(
       impid-host fit arm_study/ --constrain --limb 0.30,0.33 --shoulder 0.37,-0.50
       impid-host fit next_study/ --model model.json
       impid-host fit study/ --save-model plain.json
+      impid-host fit study/ --estimator auto
       impid-host fit arm_study/ --varying time --figures figures/
       impid-host fit ankle/ --with load.delay --cutoff 40 --validate 20
       impid-host fit emps/ --chain emps --with friction.coulomb --with actuator.offset --validate 0
@@ -162,6 +174,7 @@ def command(
         cutoff_hz=cutoff,
         terms=tuple(term for term in terms if term != REFLEX),
         reflex=REFLEX in terms,
+        estimator=estimator,
         held_out_s=validate,
         model=model_file,
         keep_robot=saved_robot,

@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from impid_host.diagnosis.reuse import Provenance
     from impid_host.diagnosis.saved import SavedModel
     from impid_host.impedance.constrained import Constrained
+    from impid_host.impedance.estimators.estimated import EstimatorWish
     from impid_host.impedance.reflex import Band, ReflexFit
     from impid_host.impedance.varying.fit import VaryingFit
     from impid_host.impedance.varying.schedule import Schedule
@@ -47,6 +48,7 @@ class Wishes:
     cutoff_hz: float | None
     terms: tuple[str, ...]
     reflex: bool
+    estimator: "EstimatorWish"
     held_out_s: float
     model: Path | None
     keep_robot: bool
@@ -63,7 +65,8 @@ def run(study: Study, wishes: Wishes) -> None:
     """Everything, to the exit status."""
     json_to = wishes.json_to
     row = _chain(study, wishes.chain, wishes.cutoff_hz)
-    options = Options(row, wishes.acceleration, wishes.terms, Split(wishes.held_out_s), wishes.physical)
+    split = Split(wishes.held_out_s)
+    options = Options(row, wishes.acceleration, wishes.terms, split, wishes.physical, wishes.estimator)
     saved = None if wishes.model is None else _saved(wishes.model)
     drawn = None
     with Console(stderr=True).status("checking") as status:
