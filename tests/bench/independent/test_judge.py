@@ -7,11 +7,11 @@ import json
 import sys
 
 import pytest
-
-from bench.independent import judge
-from bench.independent.__main__ import main
-from bench.independent.laboratory import draw
-from bench.independent.table import page
+from independent import judge
+from independent.__main__ import main
+from independent.effects import EVERY
+from independent.laboratory import draw
+from independent.table import page
 
 SHORT = next(s for s in range(900, 999) if len(draw(s).plans) == 3)  # three trials of 15 s
 REPORT = {
@@ -94,8 +94,8 @@ def test_judging_seeds_need_a_word(tmp_path):
 
 def test_seeds_run_through_all_effects():
     args = argparse.Namespace(clean=False, kind="any", unusual=False, effect=None, strength=None)
-    seen = {judge.wanted_of(seed, args)[0][0] for seed in range(4 * len(judge.EVERY))}
-    assert len(seen) == 4 * len(judge.EVERY)
+    seen = {judge.wanted_of(seed, args)[0][0] for seed in range(4 * len(EVERY))}
+    assert len(seen) == 4 * len(EVERY)
 
 
 @pytest.mark.parametrize(("kind", "count"), [("pairs", 2), ("triples", 3), ("clean", 0), ("unusual", 0)])

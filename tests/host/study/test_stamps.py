@@ -12,7 +12,7 @@ from impid_host.study.text_clock import across_midnight, clock_seconds
 
 ROWS = 30_000
 PERIOD_S = 1.00007e-3
-TRUE = 12.3 + PERIOD_S * np.arange(ROWS)
+TRUE = 12.3 + PERIOD_S * np.arange(float(ROWS))
 
 
 def arrivals(t: np.ndarray, every_s: float, jitter_s: float, *, apart_s: float = 0.0) -> np.ndarray:
