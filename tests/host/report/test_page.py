@@ -149,6 +149,10 @@ def test_every_word_has_contrast_and_an_impossible_result_cannot_be_missed(
         loaded(browser)
         assert browser.evaluate("problems") == []
         assert browser.evaluate(CONTRAST) == []
+        browser.resize(1200, 800, dark=True)
+        assert browser.evaluate("getComputedStyle(document.body).backgroundColor") == "rgb(20, 24, 27)"
+        assert browser.evaluate(CONTRAST) == []
+        browser.resize(1200, 800)
         seen = browser.evaluate(
             "(() => { const r = document.querySelector('.banner').getBoundingClientRect(); "
             "return [r.top, r.height, innerHeight]; })()"
