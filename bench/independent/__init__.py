@@ -9,6 +9,9 @@ study folder and the command line.
     python -m bench.independent judge --seeds 1:50 --out judged.jsonl
     python -m bench.independent table judged.jsonl
 
+``--kind named2``, ``unnamed2`` and ``unusual2`` are second books, made after the first had been looked at while
+the diagnosis was built: other effects without a name, other forms of those with one, other harmless noise.
+
 How a study comes about, one file each:
 
 - ``mechanics``    two links, absolute angles, by Lagrange; the force of a mass with springs, of an arm
@@ -16,6 +19,7 @@ How a study comes about, one file each:
 - ``motion``       reference motions, and what a PD controller makes of them
 - ``effects``      what the papers' model lacks, each a small class that acts where it acts in nature
 - ``noise``        noise by its kind and its root mean square
+- ``harmless``     unusual noise, steps and logging that hide nothing
 - ``instruments``  sampling, clocks, converters, lost rows
 - ``chain``        from a motion and the effects to what reaches the instruments
 - ``residual``, ``strength``   how large an effect is beside the noise, and setting it so

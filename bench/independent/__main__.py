@@ -7,8 +7,9 @@ import sys
 from pathlib import Path
 
 from . import judge, table
-from .effects import EVERY, NAMED
+from .effects import EVERY, NAMED, NAMED2
 from .folder import write
+from .harmless import HARMLESS
 from .study import make
 
 
@@ -17,7 +18,13 @@ def _list() -> None:
         name = kind.name or "-" + (f" (near {', '.join(kind.near)})" if kind.near else "")
         needs = f" [needs {', '.join(sorted(kind.needs))}]" if kind.needs else ""
         print(f"{key:26s} {name}{needs}")
-    print(f"{len(EVERY)} effects, {len(NAMED)} with a name of the catalogue", file=sys.stderr)
+    for key, quirk in HARMLESS.items():
+        print(f"{key:26s} harmless: {quirk.words}")
+    named = len(NAMED) + len(NAMED2)
+    print(
+        f"{len(EVERY)} effects, {named} with a name of the catalogue; {len(HARMLESS)} harmless kinds",
+        file=sys.stderr,
+    )
 
 
 def _arguments() -> argparse.ArgumentParser:
@@ -44,9 +51,10 @@ def main() -> None:
     if args.command == "list":
         _list()
     elif args.command == "write":
-        wanted, unusual = judge.wanted_of(args.seed, args)
+        wish = judge.wanted_of(args.seed, args)
         try:
-            folder = write(make(args.seed, wanted, unusual, args.measure), args.out)
+            study = make(args.seed, wish.effects, wish.unusual, args.measure, wish.harmless)
+            folder = write(study, args.out)
         except FileExistsError:
             sys.exit(f"{args.out / 'study'} is there already: name another --out")
         print(folder)

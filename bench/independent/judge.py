@@ -14,19 +14,40 @@ import sys
 import tempfile
 import time
 from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from . import rules
-from .effects import EVERY, NAMED, UNNAMED
+from .effects import EVERY, NAMED, NAMED2, UNNAMED, UNNAMED2
 from .folder import write
+from .harmless import HARMLESS
 from .study import make
 
 STRENGTHS = (2.0, 4.0, 8.0, 1.0)
 JUDGING = 700000
-KINDS = ("any", "named", "unnamed", "pairs", "triples", "clean", "unusual")
+FIRST = {**NAMED, **UNNAMED}
+BOOKS = {
+    "any": FIRST,
+    "named": NAMED,
+    "unnamed": UNNAMED,
+    "pairs": NAMED,
+    "triples": NAMED,
+    "named2": NAMED2,
+    "unnamed2": UNNAMED2,
+}
+KINDS = (*BOOKS, "clean", "unusual", "unusual2")
+
+
+@dataclass(frozen=True)
+class Wish:
+    """What a seed's study holds."""
+
+    effects: list[tuple[str, float]]
+    unusual: bool
+    harmless: str | None = None
 
 
 def describe(parser: argparse.ArgumentParser) -> None:
@@ -36,6 +57,7 @@ def describe(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--measure", choices=("seen", "raw"), default="seen", help="the strength that is set")
     parser.add_argument("--clean", action="store_true", help="nothing hidden")
     parser.add_argument("--unusual", action="store_true", help="noise of unusual kinds")
+    parser.add_argument("--harmless", choices=sorted(HARMLESS), help="nothing hidden, and logged in this way")
     parser.add_argument(
         "--kind", choices=KINDS, default="any", help="what the seed may choose, without --effect"
     )
@@ -49,19 +71,21 @@ def describe_runs(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--keep", type=Path, help="keep studies, truths and reports there")
 
 
-def wanted_of(seed: int, args: argparse.Namespace) -> tuple[list[tuple[str, float]], bool]:
-    """The effects of a seed with their strengths, and whether the noise is unusual.
+def wanted_of(seed: int, args: argparse.Namespace) -> Wish:
+    """The effects of a seed with their strengths, and what is unusual in its noise.
 
     Consecutive seeds run through all effects in turn, then through the strengths.
     """
     kind = "clean" if args.clean else args.kind
     if kind in {"clean", "unusual"}:
-        return [], args.unusual or kind == "unusual"
+        return Wish([], args.unusual or kind == "unusual")
+    if args.harmless or kind == "unusual2":
+        return Wish([], args.unusual, args.harmless or sorted(HARMLESS)[seed % len(HARMLESS)])
     if args.effect:
         keys = list(args.effect)
         turn = 0
     else:
-        book = sorted({"named": NAMED, "unnamed": UNNAMED, "pairs": NAMED, "triples": NAMED}.get(kind, EVERY))
+        book = sorted(BOOKS[kind])
         turn = seed // len(book)
         keys = [book[seed % len(book)]]
         rng = np.random.default_rng([seed, 11])
@@ -70,7 +94,7 @@ def wanted_of(seed: int, args: argparse.Namespace) -> tuple[list[tuple[str, floa
             if EVERY[other].name not in {EVERY[k].name for k in keys}:
                 keys.append(other)
     size = args.strength or STRENGTHS[turn % len(STRENGTHS)]
-    return [(k, size) for k in keys], args.unusual
+    return Wish([(k, size) for k in keys], args.unusual)
 
 
 def _diagnose(tool: str, study: Path, report: Path, timeout: float) -> dict[str, Any]:
@@ -114,12 +138,14 @@ def assess(truth: dict[str, Any], report: dict[str, Any]) -> dict[str, Any]:
 
 def one(seed: int, args: argparse.Namespace) -> dict[str, Any]:
     """Write, run, judge one seed."""
-    wanted, unusual = wanted_of(seed, args)
-    line: dict[str, Any] = {"seed": seed, "wanted": wanted, "unusual": unusual}
+    wish = wanted_of(seed, args)
+    line: dict[str, Any] = {
+        "seed": seed, "wanted": wish.effects, "unusual": wish.unusual, "harmless": wish.harmless,
+    }  # fmt: skip
     with tempfile.TemporaryDirectory() as scratch:
         place = Path(scratch) if args.keep is None else args.keep / str(seed)
         begin = time.monotonic()
-        study = make(seed, wanted, unusual, args.measure)
+        study = make(seed, wish.effects, wish.unusual, args.measure, wish.harmless)
         folder = write(study, place)
         line["write_seconds"] = round(time.monotonic() - begin, 2)
         truth = json.loads((place / "truth.json").read_text())
@@ -148,5 +174,5 @@ def run(args: argparse.Namespace) -> None:
     with ProcessPoolExecutor(args.jobs) as pool, args.out.open("a") as sink:
         for line in pool.map(one, left, [args] * len(left)):
             print(json.dumps(line), file=sink, flush=True)
-            hidden = ", ".join(f"{k} x{s:g}" for k, s in line["wanted"]) or "nothing"
+            hidden = ", ".join(f"{k} x{s:g}" for k, s in line["wanted"]) or line["harmless"] or "nothing"
             print(f"{line['seed']}: {hidden}: {line['verdict']} {line.get('named', '')}", flush=True)

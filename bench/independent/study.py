@@ -12,6 +12,7 @@ from .chain import delivered, signals
 from .declared import declared
 from .effects import EVERY, Effect
 from .effects.base import Declared
+from .harmless import HARMLESS
 from .instruments import Record, record
 from .laboratory import Laboratory, draw
 from .mechanics import Array
@@ -93,11 +94,21 @@ def _loads(lab: Laboratory, effects: tuple[Effect, ...]) -> dict[str, Any]:
     return out
 
 
-def make(seed: int, wanted: list[tuple[str, float]], unusual: bool = False, measure: str = "seen") -> Study:
+def make(
+    seed: int,
+    wanted: list[tuple[str, float]],
+    unusual: bool = False,
+    measure: str = "seen",
+    harmless: str | None = None,
+) -> Study:
     """The study of a seed with the given effects, each (key, strength); ``measure`` is the strength that is set
-    to what is wanted, "seen" or "raw" (see ``strength``)."""
+    to what is wanted, "seen" or "raw" (see ``strength``); ``harmless`` is a kind of noise or logging."""
     kinds = [EVERY[key] for key, _ in wanted]
     lab = draw(seed, frozenset().union(*(k.needs for k in kinds)), unusual)
+    quirk = HARMLESS[harmless] if harmless else None
+    if quirk:
+        drawn = quirk.instruments(lab.instruments, np.random.default_rng([seed, 6]))
+        lab = replace(lab, instruments=drawn)
     paths = _wanted(lab)
     plain = _run(paths, ())
     lab = _scaled(lab, plain)
@@ -124,13 +135,15 @@ def make(seed: int, wanted: list[tuple[str, float]], unusual: bool = False, meas
             _entry(e, target, size) for e, (_, target), size in zip(effects, wanted, sizes, strict=True)
         ]
     records = tuple(record(m, signals(m, effects), lab.instruments) for m in motions)
+    if quirk:
+        records = tuple(quirk.rows(r, m.rng(4)) for m, r in zip(motions, records, strict=True))
     return Study(
         lab,
         effects,
         motions,
         records,
         setup,
-        _truth(lab, effects, entries, together, motions, records, unusual),
+        _truth(lab, effects, entries, together, motions, records, unusual) | {"harmless": harmless},
     )
 
 

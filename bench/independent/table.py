@@ -49,6 +49,10 @@ def _odd(line: Line) -> bool:
     return any(EVERY[key].name is None for key, _ in line["wanted"])
 
 
+def _noise(line: Line) -> str:
+    return line.get("harmless") or ("unusual" if line["unusual"] else "usual")
+
+
 def _grid(lines: list[Line], verdicts: tuple[str, ...], good: tuple[str, ...], title: str) -> list[str]:
     cells: dict[tuple[str, float], list[Line]] = defaultdict(list)
     for line in lines:
@@ -152,8 +156,8 @@ def page(paths: list[Path]) -> str:
         out += _grid(odd, ODD_VERDICTS, ("pinned",), "Effects without a name")
     if clean:
         out += ["## Clean studies", "", "| noise | false alarms |", "| --- | --- |"]
-        for words, unusual in (("usual", False), ("unusual", True)):
-            group = [g for g in clean if g["unusual"] == unusual]
+        for words in sorted({_noise(g) for g in clean} | {"usual", "unusual"}):
+            group = [g for g in clean if _noise(g) == words]
             alarms = sum(g["verdict"] == "false_alarm" for g in group)
             out.append(f"| {words} | {share(alarms, len(group))} |")
         failed = sum(g["verdict"] in {"failed", "unreadable"} for g in clean)

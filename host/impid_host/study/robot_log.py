@@ -56,7 +56,7 @@ def robot_log(table: LogTable, joints: int, also: Sequence[str] = ()) -> RobotLo
     columns = dict(table.columns)
     theta = np.column_stack([columns[f"theta{i + 1}"] for i in range(joints)])
     _refuse_jump(table, theta)
-    again = recovered(columns["t"])
+    again = recovered(columns["t"], theta)
     if again is None:
         return _log(columns, joints, _increasing(table), also)
     t, stamps = again

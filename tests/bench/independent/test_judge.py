@@ -9,7 +9,7 @@ import sys
 import pytest
 from independent import judge
 from independent.__main__ import main
-from independent.effects import EVERY
+from independent.harmless import HARMLESS
 from independent.laboratory import draw
 from independent.table import page
 
@@ -92,15 +92,40 @@ def test_judging_seeds_need_a_word(tmp_path):
         main()
 
 
-def test_seeds_run_through_all_effects():
-    args = argparse.Namespace(clean=False, kind="any", unusual=False, effect=None, strength=None)
-    seen = {judge.wanted_of(seed, args)[0][0] for seed in range(4 * len(EVERY))}
-    assert len(seen) == 4 * len(EVERY)
+def options(kind, harmless=None):
+    return argparse.Namespace(
+        clean=False, kind=kind, unusual=False, effect=None, strength=None, harmless=harmless
+    )
+
+
+@pytest.mark.parametrize("kind", ["any", "named", "unnamed", "named2", "unnamed2"])
+def test_seeds_run_through_all_effects(kind):
+    book = judge.BOOKS[kind]
+    seen = {judge.wanted_of(seed, options(kind)).effects[0] for seed in range(4 * len(book))}
+    assert len(seen) == 4 * len(book)
+    assert {key for key, _ in seen} == set(book)
 
 
 @pytest.mark.parametrize(("kind", "count"), [("pairs", 2), ("triples", 3), ("clean", 0), ("unusual", 0)])
 def test_kinds_of_studies(kind, count):
-    args = argparse.Namespace(clean=False, kind=kind, unusual=False, effect=None, strength=None)
-    wanted, unusual = judge.wanted_of(5, args)
-    assert len({key for key, _ in wanted}) == count
-    assert unusual == (kind == "unusual")
+    wish = judge.wanted_of(5, options(kind))
+    assert len({key for key, _ in wish.effects}) == count
+    assert wish.unusual == (kind == "unusual")
+    assert wish.harmless is None
+
+
+def test_harmless_kinds_come_in_turn_and_hide_nothing():
+    wishes = [judge.wanted_of(seed, options("unusual2")) for seed in range(len(HARMLESS))]
+    assert {w.harmless for w in wishes} == set(HARMLESS)
+    assert not any(w.effects for w in wishes)
+    assert judge.wanted_of(3, options("any", "half_floats")).harmless == "half_floats"
+
+
+def test_the_table_counts_each_harmless_kind_apart(tmp_path):
+    tool = stand_in(
+        tmp_path / "tool",
+        f"import json, pathlib\npathlib.Path(sys.argv[4]).write_text(json.dumps({REPORT!r}))",
+    )
+    out, (line,) = lines_of(tmp_path, tool, "--harmless", "half_floats")
+    assert line["verdict"] == "false_alarm"
+    assert "| half_floats | 1/1 = 100.0 %" in page([out])

@@ -7,7 +7,7 @@ import tomllib
 import numpy as np
 import pytest
 from independent.chain import delivered
-from independent.effects import EVERY, NAMED, UNNAMED
+from independent.effects import EVERY, NAMED, NAMED2, UNNAMED, UNNAMED2
 from independent.folder import write
 from independent.laboratory import draw
 from independent.study import make
@@ -190,8 +190,11 @@ def test_as_many_effects_as_promised():
     assert len(NAMED) >= 30
     assert len(UNNAMED) >= 30
     assert len({k.name for k in NAMED.values()}) >= 30
-    assert all(kind.name is None for kind in UNNAMED.values())
-    assert len(EVERY) == len(NAMED) + len(UNNAMED)
+    assert len(NAMED2) >= 30
+    assert len(UNNAMED2) >= 50
+    assert all(kind.name is None for kind in (*UNNAMED.values(), *UNNAMED2.values()))
+    assert all(kind.name for kind in NAMED2.values())
+    assert len(EVERY) == sum(len(book) for book in (NAMED, UNNAMED, NAMED2, UNNAMED2))
 
 
 def test_unusual_noises_are_distinct():
