@@ -19,6 +19,7 @@ import numpy as np
 from common import RECORD, PtyBoard, await_size, save
 from impid_host.recording.reader import read_recording
 from impid_host.wire.decoder import SerialDecoder
+from impid_host.wire.records import Segment
 
 FILTER_TICKS = 2
 BATCH_SAMPLES = 10
@@ -60,7 +61,7 @@ def run(out: Path, size: int, wait_s: float, *, stalled: bool = False) -> dict[s
     return {"missing": missing, "taken": min(missing, _taken(rest, segment, board.ticks) - last)}
 
 
-def _taken(rest: bytes, segment, ticks: int) -> int:
+def _taken(rest: bytes, segment: Segment, ticks: int) -> int:
     """The last tick whose sample the recorder can have taken whole."""
     left = [int(s.samples.enc1[0]) for s in SerialDecoder().feed(rest).segments]
     first_index, first_tick = int(segment.index[0]), int(segment.samples.enc1[0])

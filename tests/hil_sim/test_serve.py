@@ -8,6 +8,7 @@ import sys
 import time
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -48,7 +49,7 @@ def said(process, event):
 
 
 def read_frames(port, seconds, until=lambda frames: False):
-    reader, frames, end = FrameReader(), [], time.monotonic() + seconds
+    reader, frames, end = FrameReader(), list[Any](), time.monotonic() + seconds
     while time.monotonic() < end and not until(frames):
         frames += reader.feed(port.read(max(1, port.in_waiting)))
     return frames, reader
