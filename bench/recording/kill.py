@@ -75,7 +75,8 @@ def main(times: int = 200, how: str = "") -> None:
     stalled = how == "stalled"
     longest_wait_s = CATCHING_UP_S if stalled else 0.15
     rng = np.random.default_rng(1)
-    found, begun = [], 0
+    found: list[dict[str, int]] = []
+    begun = 0
     with tempfile.TemporaryDirectory() as folder:
         while len(found) < times:
             begun += 1
@@ -100,4 +101,4 @@ def main(times: int = 200, how: str = "") -> None:
 
 
 if __name__ == "__main__":
-    main(*map(int, sys.argv[1:2]), *sys.argv[2:])
+    main(int(sys.argv[1]) if sys.argv[1:] else 200, *sys.argv[2:3])

@@ -186,7 +186,7 @@ def test_the_robot_sends_its_rows_as_they_come(tmp_path: Path) -> None:
         arguments = ("first-light", "--trial", "free_01", "--robot-log", log, "--torques-to", where)
         with served(*arguments) as (process, ready), serial.Serial(ready["port"], timeout=0.1) as board:
             board.write(command(1, "START"))
-            lines = []
+            lines: list[str] = []
             while len(lines) < 500:
                 lines += port.recv(65536).decode().splitlines()
             assert process.poll() is None
