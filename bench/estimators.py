@@ -217,7 +217,8 @@ def page(result: list[dict[str, Any]], measured: dict[str, Any] | None, command:
         f"`{command}`. What each estimator is: [estimators](../estimators.md). Studies are two free and two loaded trials of "
         "30 s at 100 Hz (`bench/estimator_cases.py`); the accelerometer's usual noise is 10 mm/s² rms per sample. Each cell: "
         "bias ± its standard error; rms error, both in % of the matrix's (or vector's) size. A bias is a mean's length, so "
-        "that pure chance leaves about its standard error. Held: 95 % intervals that hold the truth.",
+        "that pure chance leaves about its standard error. Held: 95 % intervals that hold the truth. Each row says how many "
+        "studies it has.",
         "",
         "Instruments are the angles where the reference is not logged, else the simulated model. The two links' controller "
         "differentiates noisy angles: at 0.01 deg the arm itself dithers, which smooths its dry friction at reversals, and all "
