@@ -19,6 +19,7 @@ import numpy as np
 from common import RECORD, PtyBoard, await_size, save
 from impid_host.recording.reader import read_recording
 from impid_host.wire.decoder import SerialDecoder
+from impid_host.wire.records import Segment
 
 FILTER_TICKS = 2
 BATCH_SAMPLES = 10
@@ -60,7 +61,7 @@ def run(out: Path, size: int, wait_s: float, *, stalled: bool = False) -> dict[s
     return {"missing": missing, "taken": min(missing, _taken(rest, segment, board.ticks) - last)}
 
 
-def _taken(rest: bytes, segment, ticks: int) -> int:
+def _taken(rest: bytes, segment: Segment, ticks: int) -> int:
     """The last tick whose sample the recorder can have taken whole."""
     left = [int(s.samples.enc1[0]) for s in SerialDecoder().feed(rest).segments]
     first_index, first_tick = int(segment.index[0]), int(segment.samples.enc1[0])
@@ -74,7 +75,8 @@ def main(times: int = 200, how: str = "") -> None:
     stalled = how == "stalled"
     longest_wait_s = CATCHING_UP_S if stalled else 0.15
     rng = np.random.default_rng(1)
-    found, begun = [], 0
+    found: list[dict[str, int]] = []
+    begun = 0
     with tempfile.TemporaryDirectory() as folder:
         while len(found) < times:
             begun += 1
@@ -99,4 +101,4 @@ def main(times: int = 200, how: str = "") -> None:
 
 
 if __name__ == "__main__":
-    main(*map(int, sys.argv[1:2]), *sys.argv[2:])
+    main(int(sys.argv[1]) if sys.argv[1:] else 200, *sys.argv[2:3])

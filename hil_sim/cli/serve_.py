@@ -35,6 +35,9 @@ from hil_sim.serve.session import ServeOptions, serve
     "--speed", type=click.FloatRange(min=0.1), default=1.0, show_default=True, help="Times real time."
 )
 @click.option("--robot-log", type=FILE, help="Where the robot's controller writes its torque log (CSV).")
+@click.option(
+    "--torques-to", metavar="HOST:PORT", help="Send each row of the torque log there at once, by UDP."
+)
 @SEED
 @click.option("--link", type=FILE, help="pty, slcan: also make a symbolic link of this name to the terminal.")
 @click.option("--setup", "setup_file", type=FILE, help="Write the laboratory's setup.toml here.")
@@ -57,6 +60,7 @@ def command(
     address: str | None,
     speed: float,
     robot_log: Path | None,
+    torques_to: str | None,
     seed: int,
     link: Path | None,
     setup_file: Path | None,
@@ -76,6 +80,7 @@ def command(
     \b
     Examples:
       impid-sim serve first-light --trial free_01 --robot-log free_01.csv
+      impid-sim serve first-light --torques-to 127.0.0.1:9870
       impid-sim serve first-light --carrier tcp --address 127.0.0.1:4000
       impid-sim serve first-light --carrier slcan --link /tmp/can-adapter
       impid-sim serve first-light --link /tmp/board --flash board.flash
@@ -91,6 +96,7 @@ def command(
             speed=speed,
             connection=Connection(carrier, address, link),
             robot_log=robot_log,
+            torques_to=torques_to,
             setup_file=setup_file,
             truth_file=truth_file,
             flash_file=flash_file,

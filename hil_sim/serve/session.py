@@ -31,6 +31,7 @@ from hil_sim.serve.lag import LagMeter
 from hil_sim.serve.pace import Pace
 from hil_sim.serve.power import PoweredBoard
 from hil_sim.serve.robot_log import LiveRobotLog
+from hil_sim.serve.torque_stream import TorqueStream
 from hil_sim.serve.truth_file import TruthFile
 from hil_sim.serve.turntable import Turntable
 from hil_sim.study.setup_file import write_setup
@@ -57,6 +58,7 @@ class ServeOptions:
     truth_file: Path | None
     flash_file: Path | None = None
     tumble_positions: int | None = None  # on a dividing head instead of the robot
+    torques_to: str | None = None  # where each row of the log goes at once, HOST:PORT
     binary: Path | None = None  # an ELF file to run in the emulator instead of the native core
 
 
@@ -95,6 +97,7 @@ class _Session:
             if path is None
             else LiveRobotLog(path, with_force=with_force, with_command=trial.kind == "stochastic")
         )
+        self._stream = None if options.torques_to is None else TorqueStream(options.torques_to)
         bytes_per_ms = scenario.world.serial.bytes_per_ms
         self._power = PoweredBoard(
             BoardConfig(
@@ -142,6 +145,8 @@ class _Session:
     def close(self) -> None:
         """Takes the carrier down."""
         self._wire.cable.close()
+        if self._stream is not None:
+            self._stream.close()
 
     def run(self) -> None:
         """Runs until there is nothing left to do."""
@@ -309,6 +314,8 @@ class _Session:
 
     def _write_log(self) -> None:
         rows = self._world.take_log()
+        if self._stream is not None and rows:
+            self._stream.send(rows)
         if self._log is not None:
             self._log.add(rows)
         if self._world.log_complete and not self._finished:

@@ -2,11 +2,13 @@
 
 import json
 import signal
+import socket
 import subprocess
 import sys
 import time
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -47,7 +49,7 @@ def said(process, event):
 
 
 def read_frames(port, seconds, until=lambda frames: False):
-    reader, frames, end = FrameReader(), [], time.monotonic() + seconds
+    reader, frames, end = FrameReader(), list[Any](), time.monotonic() + seconds
     while time.monotonic() < end and not until(frames):
         frames += reader.feed(port.read(max(1, port.in_waiting)))
     return frames, reader
@@ -171,3 +173,31 @@ def test_ping_is_stamped_with_the_board_time_of_its_arrival(scenario_file, trial
     lowest = max(offset - took for took, offset in stamps)
     highest = min(offset for _, offset in stamps)
     assert lowest < highest + 50e-6
+
+
+def test_the_robot_sends_its_rows_as_they_come(tmp_path: Path) -> None:
+    """By UDP, the rows that robot.csv has in the end, while the robot moves."""
+    log = tmp_path / "robot.csv"
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as port:
+        port.bind(("127.0.0.1", 0))
+        port.settimeout(20)
+        port.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 1 << 22)
+        where = "{}:{}".format(*port.getsockname())
+        arguments = ("first-light", "--trial", "free_01", "--robot-log", log, "--torques-to", where)
+        with served(*arguments) as (process, ready), serial.Serial(ready["port"], timeout=0.1) as board:
+            board.write(command(1, "START"))
+            lines: list[str] = []
+            while len(lines) < 500:
+                lines += port.recv(65536).decode().splitlines()
+            assert process.poll() is None
+    sent = np.array([[float(cell) for cell in line.split(",")] for line in lines])
+    written = np.loadtxt(log, delimiter=",", skiprows=1)
+    assert sent == pytest.approx(written[: len(sent), :5], abs=1e-8)
+
+
+def test_a_place_that_no_rows_can_go_to() -> None:
+    done = subprocess.run(
+        [*SERVE, "first-light", "--torques-to", "nowhere"], capture_output=True, text=True, check=False
+    )
+    assert done.returncode != 0
+    assert "give HOST:PORT, as in 127.0.0.1:9870" in done.stderr

@@ -16,6 +16,7 @@ from impid_host import __version__
 from impid_host.calibration.applied import apply as apply_calibration
 from impid_host.calibration.applied import as_metadata, read_calibration, recorded_calibration
 from impid_host.cli.link_options import address_of, link_options
+from impid_host.cli.record_force import ForceWish, force_options, force_wish
 from impid_host.clock.device import fit_clock
 from impid_host.errors import InputError, LinkError, UndeterminedError
 from impid_host.extras import need
@@ -31,7 +32,7 @@ from impid_host.recording.writer import RecordingWriter
 from impid_host.study.model import Setup
 from impid_host.study.setup_file import read_setup
 from impid_host.view.live_view import LiveView
-from impid_host.view.scale import Scale, scale_of
+from impid_host.view.scale import scale_of
 from impid_host.wire.messages import SAMPLE_PERIOD_US
 
 # The thread that stamps what the port receives must not wait 5 ms (Python's default) for a busy main thread.
@@ -53,6 +54,8 @@ class _Order:
     calibration: dict[str, str]
     view_at: tuple[str, int] | None
     apparatus: Setup | None
+    apparatus_file: Path | None = None
+    force: ForceWish | None = None
 
 
 @click.command()
@@ -94,6 +97,7 @@ class _Order:
     show_default=True,
     help="Where to serve it; port 0: any that is free. Other machines reach it only if told here.",
 )
+@force_options
 @click.option(
     "--speed", default=1.0, type=click.FloatRange(min=0, min_open=True), help="Simulator: times real time."
 )
@@ -117,6 +121,10 @@ def command(
     view: bool,
     setup_file: Path | None,
     view_address: str,
+    model: Path | None,
+    torques: str | None,
+    force_window: float,
+    force_log: Path | None,
     speed: float,
     seed: int | None,
     truth: Path | None,
@@ -135,12 +143,17 @@ def command(
     apparatus are written beside the recording, as FILE.robot.csv and FILE.setup.toml, and without --duration
     the recording ends with the trial.
 
+    With --force the page also shows the force of the load on the robot, by a saved model and the torques that
+    the robot's controller sends as UDP lines `t,theta1,theta2,tau1,tau2`, and the stiffness over the last
+    seconds with its interval. It is worked out beside the recording, which does not depend on it.
+
     \b
     Examples:
       impid-host record --port /dev/ttyACM0 --duration 50 --out free_01.mcap
       impid-host record --port auto --duration 50 --out free_01.mcap
       impid-host record --can socketcan:can0 --duration 50 --out free_01.mcap
       impid-host record --port auto --view --setup rig.toml --out free_02.mcap
+      impid-host record --port auto --view --setup rig.toml --force model.json --out arm_01.mcap
       impid-host record --sim first-light:free_01 --speed 5 --out free_01.mcap
     """
     if (port is None and can is None) == (sim is None):
@@ -151,12 +164,13 @@ def command(
         raise click.UsageError("--setup is for --view; a simulated board brings its own")
     address = address_of(port, can, baud)
     apparatus = None if setup_file is None else read_setup(setup_file)
+    force = force_wish(model, torques, force_window, force_log, sim=sim, view=view, setup=setup_file)
     view_at = _host_and_port(view_address) if view else None
     calibration = (
         {} if calibration_file is None else as_metadata(read_calibration(calibration_file).calibration)
     )
     robot_log, setup = out.with_suffix(".robot.csv"), out.with_suffix(".setup.toml")
-    for path in (out, robot_log, setup, truth) if sim else (out,):
+    for path in (out, force_log, *((robot_log, setup, truth) if sim else ())):
         if path is not None:
             _refuse_existing(path)
     with ExitStack() as stack:
@@ -164,13 +178,23 @@ def command(
         stopped: Callable[[], bool] = signalled.is_set
         if sim:
             served = stack.enter_context(
-                Simulator.start(sim, speed=speed, seed=seed, robot_log=robot_log, setup=setup, truth=truth)
+                Simulator.start(
+                    sim,
+                    speed=speed,
+                    seed=seed,
+                    robot_log=robot_log,
+                    setup=setup,
+                    truth=truth,
+                    torques_to=None if force is None else force.torques,
+                )
             )
             address.port = served.port
-            apparatus = read_setup(setup)
+            apparatus, setup_file = read_setup(setup), setup
             click.echo(f"simulating {sim.partition(':')[0]}:{served.trial}", err=True)
             if duration is None:
                 stopped = lambda: signalled.is_set() or served.finished  # noqa: E731
+        if force is not None and apparatus is not None:
+            force.check(apparatus)
         asked = {
             "port": address.port,
             "can": can,
@@ -180,7 +204,9 @@ def command(
             "seed": seed,
         }
         said = {name: str(value) for name, value in asked.items() if value is not None}
-        order = _Order(out, address, duration, speed, reconnect, said, calibration, view_at, apparatus)
+        order = _Order(
+            out, address, duration, speed, reconnect, said, calibration, view_at, apparatus, setup_file, force
+        )
         outcome = _record(order, stopped)
     _conclude(outcome, order)
     if sim:
@@ -199,7 +225,7 @@ def _record(order: _Order, stopped: Callable[[], bool]) -> Outcome:
         try:
             view = None
             if order.view_at is not None:
-                view = stack.enter_context(_announced_view(order.view_at, _scale(client, order)))
+                view = stack.enter_context(_announced_view(order, order.view_at, client))
             recorder = Recorder(
                 client,
                 writer,
@@ -226,22 +252,29 @@ def _record(order: _Order, stopped: Callable[[], bool]) -> Outcome:
     return outcome
 
 
-def _scale(client: BoardClient, order: _Order) -> Scale:
-    """By the apparatus, where it is described, else by the board's settings; a calibration goes first."""
-    setup, settings = order.apparatus, client.settings()
-    kept = {name: str(value) for name, value in settings.items()}
+def _calibrated(client: BoardClient, order: _Order) -> Setup | None:
+    """The apparatus, where it is described; a calibration goes first."""
+    kept = {name: str(value) for name, value in client.settings().items()}
     found = recorded_calibration(
         {channels.METADATA_CALIBRATION: order.calibration, channels.METADATA_SETTINGS: kept}
     )
-    if setup is not None and found is not None:
-        setup, _ = apply_calibration(setup, found, order.out)
-    return scale_of(setup, settings, client.info().full_scale_code)
+    if order.apparatus is None or found is None:
+        return order.apparatus
+    return apply_calibration(order.apparatus, found, order.out)[0]
 
 
-def _announced_view(at: tuple[str, int], scale: Scale) -> LiveView:
+def _announced_view(order: _Order, at: tuple[str, int], client: BoardClient) -> LiveView:
     need("aiohttp", "the live view")
-    view = LiveView.start(scale, _BOARD_RATE_HZ, *at)
+    setup = _calibrated(client, order)
+    # By the apparatus, else by the board's settings.
+    scale = scale_of(setup, client.settings(), client.info().full_scale_code)
+    observer = None
+    if order.force is not None and setup is not None and order.apparatus_file is not None:
+        observer = order.force.order(order.apparatus_file, setup.accelerometer)
+    view = LiveView.start(scale, _BOARD_RATE_HZ, *at, observer=observer)
     click.echo(f"live view: {view.url}  (token for stopping and marking: {view.token})", err=True)
+    if order.force is not None:
+        click.echo(f"force: the robot's torques are awaited at UDP {order.force.torques}", err=True)
     return view
 
 

@@ -221,7 +221,7 @@ def _weights(residual: Floats, speed: Floats, resolution: Floats) -> Floats:
     for joint, r in enumerate(residual):
         speed2, r2 = speed[joint] ** 2, r**2
         counting = float(resolution[joint]) / np.sqrt(12) if np.isfinite(resolution[joint]) else 0.0
-        spread = max(1.4826 * float(np.median(np.abs(r - np.median(r)))), counting, 1e-15)
+        spread = max(1.4826 * float(np.median(np.abs(r))), counting, 1e-15)
         core = r2 < (_OUTLIER_SIGMAS * spread) ** 2
         floor, jitter2 = _line(speed2[core], r2[core])
         floor = max(floor, counting**2, 0.02 * float(np.mean(r2[core])), 1e-30)

@@ -24,9 +24,11 @@ _FREQUENCIES = 2048
 def believable(table: Table, named: Sequence[int], report_hz: float) -> list[int]:
     """The named slots that took away `RULES.takes` times what the names leave, where they show most.
 
-    Where more is left there, the name is only what the structure resembles. What it took up is left then, and
-    the others are asked again. Structures without a name stay out of this: what they take up is left, and a
-    flexible one would take up a name's own part with it.
+    Of the channels that a name acts on itself: what it changes in others, through a model that fits these
+    better, says that something is amiss there and not what. Where more is left there, the name is only what
+    the structure resembles. What it took up is left then, and the others are asked again. Structures without
+    a name stay out of this: what they take up is left, and a flexible one would take up a name's own part
+    with it.
 
     Args:
         report_hz: the highest frequency that is reported.
@@ -38,11 +40,21 @@ def believable(table: Table, named: Sequence[int], report_hz: float) -> list[int
             s
             for s in kept
             if _in_angles(table, s)
-            or _taken_over_left(excess(table, [o for o in kept if o != s], report_hz), left) >= RULES.takes
+            or _taken_over_left(
+                excess(table, [o for o in kept if o != s], report_hz),
+                {key: value for key, value in left.items() if key in acts_on(table, s)},
+            )
+            >= RULES.takes
         ]
         if stand == kept:
             return kept
         kept = stand
+
+
+def acts_on(table: Table, s: int) -> set[Key]:
+    """Channels in which the slot has a column."""
+    own = table.columns([s])
+    return {run.key for run in table.runs if run.has(own)}
 
 
 def _taken_over_left(without: Mapping[Key, float], left: Mapping[Key, float]) -> float:

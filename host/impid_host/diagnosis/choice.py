@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from impid_host.diagnosis.adequacy import believable, excess
 from impid_host.diagnosis.case import Case, Progress, informed, silent, tabulated
 from impid_host.diagnosis.confidence import confidence_of
+from impid_host.diagnosis.constancy import constancy
 from impid_host.diagnosis.correct import corrected
 from impid_host.diagnosis.events import Event, events
 from impid_host.diagnosis.leftover import changes, left_over, resemblance
@@ -152,18 +153,37 @@ def _adequate(case: Case, found: Found, pushed: tuple[Event, ...]) -> Choice:
     table = walk.table
     named = [s for s in best.slots if table.term(s).named]
     unnamed = [s for s in best.slots if not table.term(s).named]
-    kept = believable(table, named, case.views[0].report_hz)
-    # Of what these data cannot tell apart one may be right although none is likely by itself.
-    groups = {own.slot: (own.slot, *own.others) for own in rivals(walk, best)}
-    kept = [s for s in kept if probability(walk, groups[s]) > walk.rules.likely]
+    kept, varying = _borne_out(walk, best, case.views[0].report_hz)
     values = dict(zip(best.slots, chosen_slots(table, best), strict=True))
     rejected = [s for s in named if s not in kept]
-    resembled = tuple((values[s], resemblance(table, named, s)) for s in rejected)
+    resembled = tuple((values[s], resemblance(table, named, s, constant=s not in varying)) for s in rejected)
     if rejected:
         best = walk.score(tuple(s for s in best.slots if s in kept or s in unnamed))
         unnamed = [s for s in best.slots if not table.term(s).named]
     left = left_over(table, kept, unnamed, case.fit_views)
     return Choice(case, walk, best, tuple(kept), tuple(unnamed), left, pushed, resembled)
+
+
+def _borne_out(walk: Walk, best: Explanation, report_hz: float) -> tuple[list[int], set[int]]:
+    """The names that are likely, possible, constant, and more than what they leave; and those not constant.
+
+    What falls leaves the others with what it took up, so that they are asked again.
+    """
+    table, varying = walk.table, set[int]()
+    kept = [s for s in best.slots if table.term(s).named]
+    unnamed = [s for s in best.slots if not table.term(s).named]
+    # Of what these data cannot tell apart one may be right although none is likely by itself.
+    groups = {own.slot: (own.slot, *own.others) for own in rivals(walk, best)}
+    while True:
+        everything = [*kept, *unnamed]
+        asked = {s: constancy(table, everything, s) for s in kept}
+        varying |= {s for s in kept if asked[s].varies > walk.rules.constant}
+        wrong = varying.union(walk.impossible(walk.score(everything)))
+        likely = [s for s in kept if asked[s].trust * probability(walk, groups[s]) > walk.rules.likely]
+        stand = believable(table, [s for s in likely if s not in wrong], report_hz)
+        if stand == kept:
+            return kept, varying
+        kept = stand
 
 
 def probability(walk: Walk, slots: Sequence[int]) -> float:
@@ -201,7 +221,7 @@ def evidence_of(choice: Choice, before: Sequence[int], s: int) -> Evidence:
         share_of_residual=float(min(1.0, less / max(above, less, 1e-300))),
         gain=by.gain,
         gain_se=by.se,
-        confidence=probability(walk, [s]),
+        confidence=constancy(table, choice.best.slots, s).trust * probability(walk, [s]),
         runner_up=_runner_up(choice, s),
     )
 

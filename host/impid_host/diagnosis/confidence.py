@@ -31,7 +31,7 @@ def weights(explanations: Sequence[Explanation]) -> np.ndarray:
 
 
 def confidence_of(table: Table, any_of: Set[Place], visited: Sequence[Explanation]) -> float:
-    """That one of these effects at its place is right, 0..1.
+    """That one of these effects at its place is right, there or at more places, 0..1.
 
     Args:
         visited: everything that was scored; of sets that differ in finer shapes alone the best counts.
@@ -42,7 +42,15 @@ def confidence_of(table: Table, any_of: Set[Place], visited: Sequence[Explanatio
         if name not in best or own.total > best[name].total:
             best[name] = own
     weight = weights(list(best.values()))
-    share = float(sum(w for w, name in zip(weight, best, strict=True) if any_of & name))
+    share = float(
+        sum(w for w, name in zip(weight, best, strict=True) if any(_holds(name, p) for p in any_of))
+    )
     share = float(np.clip(share, 1e-6, 1 - 1e-6))
     odds = _LEVEL + _SLOPE * np.log(share / (1 - share))
     return float(min(1 / (1 + np.exp(-odds)), _SUREST))
+
+
+def _holds(name: Set[Place], place: Place) -> bool:
+    """Whether a set of effects has this one at all of its places, by one term or several."""
+    effect, where = place
+    return set(where) <= {own for other, its in name if other == effect for own in its}

@@ -53,12 +53,21 @@ def _without_and_less(
     return before, {name: max(before[name] - after[name], 0.0) for name in after}
 
 
-def resemblance(table: Table, named: Sequence[int], s: int) -> Structure:
-    """A name that is no cause, as an entry of what is unexplained."""
+def resemblance(table: Table, named: Sequence[int], s: int, *, constant: bool = True) -> Structure:
+    """A name that is no cause, as an entry of what is unexplained.
+
+    Args:
+        constant: whether it is the same in all trials and channels.
+    """
     before, less = _without_and_less(table, named, s)
     on = max(less, key=lambda name: less[name])
     none = np.zeros((0, 2))
-    words = f"{on} resembles {table.term(s).label}, but no more than it resembles other things"
+    but = (
+        "no more than it resembles other things"
+        if constant
+        else "of another size in other trials or channels"
+    )
+    words = f"{on} resembles {table.term(s).label}, but {but}"
     return Structure("time", on, less[on] / max(before[on], 1e-300), none, none, words)
 
 

@@ -32,6 +32,7 @@ class Rules:
             term leaves so much.
         beam: sets carried along; contenders: terms tried on each; most: terms in a set.
         takes: a name must take away so many times what is left above the noise: it halves the rms.
+        constant: of what a name takes away so much may ask for other values in other trials or channels.
         likely: a name, with all that these data cannot tell from it, must be so probable; where it is so only
             together with them, the tie stays open.
     """
@@ -40,7 +41,7 @@ class Rules:
     nats: float = 6.0
     close_sigmas: float = 2.0
     close_nats: float = 4.0
-    matters: float = 0.04
+    matters: float = 0.1
     shows: float = 0.3
     relative: float = 0.002
     relative_unnamed: float = 0.03
@@ -48,6 +49,7 @@ class Rules:
     contenders: int = 8
     most: int = 7
     takes: float = 3.0
+    constant: float = 0.03
     likely: float = 0.7
 
 
@@ -84,6 +86,7 @@ def search(table: Table, given: Sequence[int] = (), rules: Rules = RULES) -> Fou
     beam = [walk.score(())]
     for _ in range(rules.most):
         grown = [walk.simplified(new) for old in beam for new in walk.grown(old)]
+        grown = [own for own in grown if walk.is_possible(own)]
         after = _distinct([*beam, *grown], walk)[: rules.beam]
         if [own.slots for own in after] == [own.slots for own in beam]:
             break
@@ -216,7 +219,11 @@ class Walk:
 
     def is_possible(self, own: Explanation) -> bool:
         """Every name has parameters within its bounds when all are fitted together."""
-        first = 0
+        return not self.impossible(own)
+
+    def impossible(self, own: Explanation) -> list[int]:
+        """The names of the set whose parameters are out of their bounds when all are fitted together."""
+        first, result = 0, []
         for s in own.slots:
             slot = self.table.slots[s]
             beta = own.beta[first : first + slot.term.size]
@@ -227,9 +234,9 @@ class Walk:
                 else possible(slot.term, beta, slot.shape)
             )
             if slot.term.named and not inside:
-                return False
+                result.append(s)
             first += slot.term.size
-        return True
+        return result
 
     def matters(self, slots: Sequence[int], place: int) -> bool:
         """What the term changes is more than nobody would care about."""

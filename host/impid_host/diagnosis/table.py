@@ -277,6 +277,15 @@ def residuals(table: Table, columns: Index) -> list[Floats]:
     return [r - run.base @ base for run, r in zip(table.runs, left, strict=True)]
 
 
+def beside(table: Table, columns: Index, others: Index) -> list[Floats]:
+    """Some columns in each run without what base model and others hold of them over all rows, (N, q)."""
+    root = _root(table.G, others + 1)
+    shares = root.T @ (root @ table.G[np.ix_(others + 1, columns + 1)])
+    left = [run.columns(columns) - run.columns(others) @ shares for run in table.runs]
+    base = sum(run.base.T @ C for run, C in zip(table.runs, left, strict=True))
+    return [C - run.base @ base for run, C in zip(table.runs, left, strict=True)]
+
+
 @dataclass(frozen=True, slots=True)
 class Swept:
     """Sums of products with some columns swept out, of which only the asked blocks are formed.

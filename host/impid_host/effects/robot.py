@@ -85,6 +85,17 @@ def _elastic_joint(setting: Setting) -> Iterator[Term]:
             holds=(f"actuator.offset@{place}",),
         )
         yield spring
+    if setting.joints == 2 and setting.planar:
+
+        def between(view: View, _shape: float) -> Columns:
+            apart = view.theta[:, 0] - view.theta[:, 1]
+            both = np.stack([apart, np.ones_like(apart)], axis=1)
+            return {"torque": np.stack([both, -both], axis=1)}
+
+        # A loom from link to link: both angles are the links' own, and it resists their difference.
+        yield replace(
+            spring, where=everywhere(setting), columns=between, holds=(), variant="between the links"
+        )
 
 
 def _transmission(setting: Setting) -> Iterator[Term]:

@@ -45,10 +45,12 @@ class Simulator:
         robot_log: Path,
         setup: Path,
         truth: Path | None = None,
+        torques_to: str | None = None,
     ) -> Self:
         """Serve SCENARIO:TRIAL, or the first trial of SCENARIO, and wait until its port is there.
 
-        `truth` is where the simulator writes what it hides; nothing here reads that.
+        `truth` is where the simulator writes what it hides; nothing here reads that. `torques_to` is where
+        its robot sends each row of the torque log at once, HOST:PORT.
 
         Raises:
             LinkError: the simulator is not installed or refuses; says why.
@@ -66,6 +68,7 @@ class Simulator:
         command += ["--robot-log", str(robot_log), "--setup", str(setup)]
         command += ["--seed", str(seed)] if seed is not None else []
         command += ["--truth", str(truth)] if truth is not None else []
+        command += ["--torques-to", torques_to] if torques_to is not None else []
         errors = tempfile.TemporaryFile("w+", encoding="utf-8")  # noqa: SIM115  (closed by stop)
         process = subprocess.Popen(
             command,

@@ -96,11 +96,18 @@ def _on_own_clock(samples: ModuleSamples, path: Path) -> ModuleSamples:
     t = samples.t_us.astype(np.float64) * 1e-6
     if isinstance(samples, DeviceSamples) or (np.diff(t) < 0).any():
         return samples
-    again = recovered(t)
+    again = recovered(t, _motion(samples))
     if again is None:
         return samples
     notice(f"{path}: {words(again[1])}")
     return replace(samples, t_us=np.round(np.maximum(again[0], 0.0) * 1e6).astype(np.uint64))
+
+
+def _motion(samples: ForeignSamples) -> Floats | None:
+    """What it logged of the motion: angles, else counts, else nothing that is smooth from row to row."""
+    if samples.theta is not None:
+        return samples.theta
+    return None if samples.counts is None else samples.counts.astype(np.float64)
 
 
 def _longest_stretch(samples: Samples, table: CsvTable) -> Samples:

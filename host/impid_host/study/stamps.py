@@ -8,6 +8,8 @@ arrives (all of them at once), or with a coarse clock. The rows are still one pe
 and its stamp is later by what the row waited, or rounded. A straight line through the stamps over the row
 numbers is that clock; rows lost on the way show as steps of whole periods in what the line leaves. The line
 stands in for the stamps only where it explains them: what it leaves must stay within about one step of them.
+Where the motion was logged beside them, it is a witness: what moves on by two rows' way in a step of double
+length shows that a row is missing there, and that the stamps are good.
 """
 
 from dataclasses import dataclass
@@ -34,6 +36,10 @@ _GOOD = 0.02
 # A log whose steps have more different lengths is not stamped in multiples of one.
 _MOST_LENGTHS = 64
 _WINDOWS_TICK_S = 1 / 64
+# Rows on either side of one whose mean way tells its own; and how much the ways must tell: a standard error
+# of a quarter of what is asked.
+_AROUND = 3
+_TELLS = 16.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,12 +64,15 @@ class _Clock:
     missing: Floats
 
 
-def recovered(t: Floats) -> tuple[Floats, StampFit] | None:
+def recovered(t: Floats, motion: Floats | None = None) -> tuple[Floats, StampFit] | None:
     """Times on the rows' own clock, (N,), s, and how it explains the stamps `t` (N,), which never decrease.
 
     None where the stamps are good as they are, or no uniform clock explains them.
+
+    Args:
+        motion: something smooth that was logged in the same rows, as angles, (N, n).
     """
-    if len(t) < _FEWEST_ROWS:
+    if len(t) < _FEWEST_ROWS or (motion is not None and moves_by(t, motion) > 0.5):
         return None
     stamped = _in_bursts(t) or _in_coarse_steps(t)
     if stamped is None or len(stamped.t) < 2 * _LEVEL + 2:
@@ -92,6 +101,30 @@ def recovered(t: Floats) -> tuple[Floats, StampFit] | None:
         missing_rows=int(clock.missing[-1]),
     )
     return times + shift, fit
+
+
+def moves_by(t: Floats, motion: Floats) -> float:
+    """How far what is logged moves on with the stamps' steps: 1 with the stamps, 0 with the rows.
+
+    The way of each row against the mean way of a row around it, times by how much the row's step is longer or
+    shorter than the mean step around it. 0 too where nothing moves, or no step differs, or it cannot be told.
+
+    Args:
+        t: stamps (N,), s; motion: angles beside them, (N, n).
+    """
+    way, step = np.diff(motion, axis=0), np.diff(t)
+    around = np.concatenate([np.ones(_AROUND), [0.0], np.ones(_AROUND)]) / (2 * _AROUND)
+    usual_step = np.convolve(step, around, mode="valid")
+    usual = np.stack([np.convolve(own, around, mode="valid") for own in way.T], axis=1)
+    inner = slice(_AROUND, len(step) - _AROUND)
+    longer = step[inner] / np.maximum(usual_step, 1e-12) - 1.0
+    regressor, change = usual * longer[:, None], way[inner] - usual
+    # A joint counts by how well it tells, whatever its unit: its angles' steps are noise beside its way.
+    weight = 1.0 / np.maximum(np.var(change, axis=0), 1e-300)
+    information = float(np.sum(weight * np.sum(regressor**2, axis=0)))
+    if information < _TELLS:
+        return 0.0
+    return float(np.sum(weight * np.sum(regressor * change, axis=0))) / information
 
 
 def _in_bursts(t: Floats) -> _Stamped | None:

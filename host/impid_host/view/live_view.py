@@ -20,7 +20,7 @@ from impid_host.recording.recorder import Progress
 from impid_host.view.scale import Scale
 from impid_host.wire.records import Decoded
 
-_READY_S = 20.0
+_READY_S = 35.0
 _STOP_S = 3.0
 _BACKLOG_BYTES = 256 << 10
 
@@ -51,11 +51,19 @@ class LiveView:
         self.url = self._await_url()
 
     @classmethod
-    def start(cls, scale: Scale, rate_hz: float, host: str = "127.0.0.1", port: int = 0) -> Self:
+    def start(
+        cls,
+        scale: Scale,
+        rate_hz: float,
+        host: str = "127.0.0.1",
+        port: int = 0,
+        observer: dict[str, Any] | None = None,
+    ) -> Self:
         """Serve on host:port (0: any that is free).
 
         Args:
             scale: of the board, to physical units; rate_hz: of its samples.
+            observer: order of an observer of the load's force (`live.order.Order`); None: no force is shown.
 
         Raises:
             LinkError: it cannot serve there.
@@ -69,7 +77,7 @@ class LiveView:
             stderr=subprocess.DEVNULL,
             start_new_session=True,
         )
-        shown = {"scale": scale.to_dict(), "rate_hz": rate_hz}
+        shown = {"scale": scale.to_dict(), "rate_hz": rate_hz, "observer": observer}
         return cls(process, secrets.token_urlsafe(12), shown)
 
     def see(self, decoded: Decoded) -> None:

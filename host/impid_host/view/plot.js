@@ -17,7 +17,8 @@ function written(value, step) {
   return value.toFixed(digits);
 }
 
-// axes: {x: [low, high], xLabel, yLabel, log}; series: [{x: [...], y: [...]}], a gap in x above `gap` breaks a line.
+// axes: {x: [low, high], xLabel, yLabel, log}; series: [{x, y, low, high}], a gap in x above `gap` breaks a line;
+// low and high, where they are given, bound a band about it.
 function plot(canvas, axes, series) {
   const ratio = window.devicePixelRatio || 1;
   const width = canvas.clientWidth, height = canvas.clientHeight;
@@ -31,7 +32,7 @@ function plot(canvas, axes, series) {
   const colour = (name) => style.getPropertyValue(name).trim();
   const scale = axes.log ? (v) => Math.log10(Math.max(v, axes.floor)) : (v) => v;
   let low = Infinity, high = -Infinity;
-  for (const { y } of series) for (const v of y) { const s = scale(v); if (s < low) low = s; if (s > high) high = s; }
+  for (const { y, low: least, high: most } of series) for (const v of [...y, ...(least ?? []), ...(most ?? [])]) { const s = scale(v); if (s < low) low = s; if (s > high) high = s; }
   if (!(high >= low)) { low = 0; high = 1; }
   if (axes.log) { low = Math.floor(low); high = Math.max(low + 1, Math.ceil(high)); }
   else if (high - low < axes.least) { const middle = (low + high) / 2; low = middle - axes.least / 2; high = middle + axes.least / 2; }
@@ -59,8 +60,9 @@ function plot(canvas, axes, series) {
   pen.translate(12, TOP + (height - TOP - BOTTOM) / 2); pen.rotate(-Math.PI / 2);
   pen.fillText(axes.yLabel, 0, 0);
   pen.restore();
-  series.forEach(({ x, y }, number) => {
-    pen.strokeStyle = colour(number ? "--b" : "--a");
+  series.forEach(({ x, y, low: least, high: most }, number) => {
+    pen.strokeStyle = pen.fillStyle = colour(number ? "--b" : "--a");
+    if (least) band(pen, x.map(atX), least.map((v) => atY(scale(v))), most.map((v) => atY(scale(v))), (k) => x[k] - x[k - 1] <= axes.gap);
     pen.lineWidth = 1.5;
     // Told apart without colour as well.
     pen.setLineDash(number ? [5, 3] : []);
@@ -72,6 +74,17 @@ function plot(canvas, axes, series) {
     pen.stroke();
   });
   pen.setLineDash([]);
+}
+
+function band(pen, x, low, high, joined) {
+  pen.globalAlpha = 0.2;
+  for (let k = 1; k < x.length; k++) {
+    if (!joined(k)) continue;
+    pen.beginPath();
+    pen.moveTo(x[k - 1], low[k - 1]); pen.lineTo(x[k], low[k]); pen.lineTo(x[k], high[k]); pen.lineTo(x[k - 1], high[k - 1]);
+    pen.fill();
+  }
+  pen.globalAlpha = 1;
 }
 
 function line(pen, x0, y0, x1, y1) { pen.beginPath(); pen.moveTo(x0, y0); pen.lineTo(x1, y1); pen.stroke(); }

@@ -23,7 +23,9 @@ from typing import Any
 
 from aiohttp import WSMsgType, web
 
+from impid_host.view.force_shown import ForceShown
 from impid_host.view.lamp import Lamp
+from impid_host.view.observing import Observing
 from impid_host.view.scale import Scale
 from impid_host.view.stream import Stream
 
@@ -31,6 +33,7 @@ _PAGE = {
     "/": ("page.html", "text/html"),
     "/view.js": ("view.js", "text/javascript"),
     "/plot.js": ("plot.js", "text/javascript"),
+    "/force.js": ("force.js", "text/javascript"),
     "/view.css": ("view.css", "text/css"),
 }
 _HEADERS = {
@@ -43,6 +46,7 @@ _SPECTRUM_S = 1.0
 _MESSAGES_PER_S = 1000  # to all tabs together: 200 tabs get five a second, ten get ten
 MOST_TABS = 300
 _PATIENCE_S = 10.0
+_OBSERVER_S = 15.0  # for an observer to load what it needs, before anything is recorded
 _LARGEST_MARK = 200
 _NICENESS = 5  # the recorder goes first
 
@@ -67,6 +71,16 @@ class View:
         self._progress: dict[str, Any] = {}
         self._tabs: set[_Tab] = set()
         self._sending: set[asyncio.Task[None]] = set()
+        self._force = ForceShown()
+        self._observing: Observing | None = None
+        self.observed = asyncio.Event()  # the observer has said its first word
+
+    async def observe(self, observing: Observing) -> None:
+        """Show what it says, until it ends."""
+        self._observing = observing
+        async for message in observing.messages():
+            self._force.take(message, self._stream.first_us)
+            self.observed.set()
 
     def application(self) -> web.Application:
         """The routes."""
@@ -78,8 +92,9 @@ class View:
         application.router.add_post("/api/mark", self._mark)
         return application
 
-    def take(self, message: dict[str, Any], now: float) -> None:
+    def take(self, line: bytes, now: float) -> None:
         """A line of the recorder; `now` on the loop's clock."""
+        message = json.loads(line)
         if message["kind"] == "progress":
             self._progress = message
             self._lamp.progress(now, message)
@@ -88,6 +103,8 @@ class View:
         first, constant = (codes[0][0], codes[1][0]), (_constant(codes[0]), _constant(codes[1]))
         self._lamp.see(now, message["flags"], first, constant=constant)
         self._stream.take(message)
+        if self._observing is not None:
+            self._observing.forward(line)
 
     async def push_on(self) -> None:
         """Send what is new to everybody who can take it, for ever."""
@@ -104,7 +121,9 @@ class View:
                 self._push(tab, text, now)
 
     def _state(self, now: float) -> dict[str, Any]:
+        observing = self._observing
         return {
+            "force": None if observing is None else self._force.state(observing.skipped),
             "run": self._stream.run,
             "points": self._stream.points(),
             "progress": self._progress,
@@ -198,11 +217,20 @@ async def _serve(host: str, port: int) -> None:
     runner = web.AppRunner(view.application(), access_log=None)
     await runner.setup()
     await web.SockSite(runner, listening).start()
+    tasks = [asyncio.create_task(view.push_on())]
+    observing = None
+    if order["observer"] is not None:
+        observing = await Observing.start(order["observer"])
+        tasks.append(asyncio.create_task(view.observe(observing)))
+        with contextlib.suppress(TimeoutError):  # then it comes later, or says why not
+            await asyncio.wait_for(view.observed.wait(), _OBSERVER_S)
     _tell({"url": f"http://{name}:{at}/"})
-    pushing = asyncio.create_task(view.push_on())
     while line := await lines.readline():
-        view.take(json.loads(line), loop.time())
-    pushing.cancel()
+        view.take(line, loop.time())
+    for task in tasks:
+        task.cancel()
+    if observing is not None:
+        observing.close()
     await runner.cleanup()
 
 

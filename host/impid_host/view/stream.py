@@ -61,12 +61,17 @@ class Stream:
         """Boot and number of the run that is shown; None before the first piece."""
         return self._run
 
+    @property
+    def first_us(self) -> int | None:
+        """The board's clock where the run's time begins; None before the first piece."""
+        return None if self._run is None else self._first_us
+
     def points(self) -> Points:
         """What came since the last call: t (s since the run began), acc_x, acc_y (m/s²), angle_1, angle_2."""
         new, self._points = self._points, self._points[:0]
         columns = ("t", "acc_x", "acc_y", "angle_1", "angle_2")
         # Hours of seconds keep their hundredths.
-        return {name: _rounded(new[:, k], 9 if name == "t" else _DIGITS) for k, name in enumerate(columns)}
+        return {name: rounded(new[:, k], 9 if name == "t" else _DIGITS) for k, name in enumerate(columns)}
 
     def spectrum(self) -> dict[str, Any] | None:
         """Amplitude of acceleration, m/s², on lines `step_hz` apart from 0 to 20 Hz; None before 4 s."""
@@ -74,11 +79,12 @@ class Stream:
             return None
         step_hz = self._rate_hz / SEGMENT
         lines = amplitude_spectrum(self._recent)[: int(HIGHEST_HZ / step_hz) + 1]
-        return {"step_hz": step_hz, "acc_x": _rounded(lines[:, 0]), "acc_y": _rounded(lines[:, 1])}
+        return {"step_hz": step_hz, "acc_x": rounded(lines[:, 0]), "acc_y": rounded(lines[:, 1])}
 
     def _cut(self) -> None:
         self._rest, self._recent = self._rest[:0], self._recent[:0]
 
 
-def _rounded(values: Floats, digits: int = _DIGITS) -> list[float]:
+def rounded(values: Floats, digits: int = _DIGITS) -> list[float]:
+    """For the page: so many digits."""
     return [float(f"{value:.{digits}g}") for value in values]

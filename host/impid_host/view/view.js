@@ -21,7 +21,7 @@ function take(message) {
     return;
   }
   const began = JSON.stringify(message.run);
-  if (began !== run) { run = began; NAMES.forEach((name) => { kept[name].length = 0; }); }
+  if (began !== run) { run = began; NAMES.forEach((name) => { kept[name].length = 0; }); forget(); }
   const points = message.points;
   impid.received += points.t.length;
   NAMES.forEach((name) => kept[name].push(...points[name]));
@@ -30,6 +30,7 @@ function take(message) {
   if (message.spectrum) impid.spectrum = message.spectrum;
   impid.tabs = message.tabs;
   shine(message.lamp);
+  if (message.force) feel(message.force);
   if (message.progress.kind) tell(message.progress);
 }
 
@@ -79,6 +80,7 @@ function draw() {
     const value = kept[name].at(-1);
     if (value !== undefined) say(`now_${name}`, named(name, value));
   }
+  drawForce(time, now);
   const found = impid.spectrum;
   const x = found ? found.acc_x.map((_, k) => k * found.step_hz) : [];
   const shown = found ? [found.acc_x, found.acc_y].map((y) => ({ x: x.slice(1), y: y.slice(1) })) : [];

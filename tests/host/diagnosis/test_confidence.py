@@ -50,3 +50,16 @@ def test_a_name_is_as_sure_as_the_sets_that_hold_it() -> None:
     assert low < 0.1 and high > 0.95
     assert confidence_of(table, other, torn) == pytest.approx(middle)
     assert confidence_of(table, one | other, torn) > 0.95  # one of the two is right, whichever
+
+
+def test_a_place_more_says_nothing_against_the_name() -> None:
+    """On x and y by one term or by two it is on x all the same; on x alone it is not on both."""
+    rows = Rows([term("accel.bias", "x"), term("accel.bias", "y"), term("accel.bias", "x", "y", size=2)])
+    table = rows.table(rows.target({}))
+    level = np.zeros(20)
+    both = [explained((2,), level), explained((0, 1), level)]
+    assert confidence_of(table, {("accel.bias", ("x",))}, both) == pytest.approx(0.98)
+    assert confidence_of(table, {("accel.bias", ("x", "y"))}, both) == pytest.approx(0.98)
+    less = [*both, explained((0,), level + 0.25)]
+    assert confidence_of(table, {("accel.bias", ("x", "y"))}, less) < 0.6
+    assert confidence_of(table, {("accel.bias", ("x",))}, less) == pytest.approx(0.98)

@@ -98,7 +98,7 @@ def test_an_effect_is_found_in_the_trials_that_have_it(when: str) -> None:
     target = rows.target({})
     for k in range(6):
         if when == "all" or (f"free_{k + 1:02d}" in loaded) == (when == "load"):
-            target[:, k] += 0.6 * rows.of(MANY[0], 0.0)[:, k, :, 0]
+            target[:, k] += 0.8 * rows.of(MANY[0], 0.0)[:, k, :, 0]
     found = search(rows.table(target))
     assert names(found) == {MANY[0].label}
     assert [found.table.term(s).when for s in found.best.slots] == [when]

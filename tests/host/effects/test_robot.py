@@ -59,6 +59,15 @@ def test_a_spring_at_a_joint(joint: int) -> None:
     assert own.read(beta, 0.0) == pytest.approx({"stiffness": 3.0, "rest_rad": 0.6})
 
 
+def test_a_loom_between_the_links() -> None:
+    own = term("elastic.joint", "joint1", "joint2", variant="between the links")
+    truth = torque_of(lambda b: 0.5 * 3.0 * (b.q[:, 0] - b.q[:, 1] - 0.2) ** 2)
+    beta = np.array([3.0, -3.0 * 0.2])
+    assert own.columns(VIEW, 0.0)["torque"] @ beta == pytest.approx(truth, abs=1e-7)
+    assert own.read(beta, 0.0) == pytest.approx({"stiffness": 3.0, "rest_rad": 0.2})
+    assert not own.gate(-beta, 0.0)
+
+
 JM, STIFF = 0.01, 60.0
 RATE = 2 * np.pi * 1.3
 

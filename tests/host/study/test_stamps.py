@@ -7,12 +7,12 @@ import pytest
 from impid_host.errors import InputError
 from impid_host.study.folder import read_study, write_study
 from impid_host.study.notices import StudyWarning
-from impid_host.study.stamps import clock_jump, recovered
+from impid_host.study.stamps import clock_jump, moves_by, recovered
 from impid_host.study.text_clock import across_midnight, clock_seconds
 
 ROWS = 30_000
 PERIOD_S = 1.00007e-3
-TRUE = 12.3 + PERIOD_S * np.arange(ROWS)
+TRUE = 12.3 + PERIOD_S * np.arange(float(ROWS))
 
 
 def arrivals(t: np.ndarray, every_s: float, jitter_s: float, *, apart_s: float = 0.0) -> np.ndarray:
@@ -213,3 +213,22 @@ def test_midnight() -> None:
         172799.5,
         172800.5,
     ]
+
+
+@pytest.mark.parametrize("period_s", [1e-2, 1e-3])
+@pytest.mark.parametrize("lost", [1, 25])
+def test_what_moved_tells_a_lost_row_from_a_coarse_clock(period_s: float, lost: int) -> None:
+    # Either way nearly all steps are one period of a round length, and a few are two.
+    rows = np.arange(6000.0)
+    missing = np.sort(np.random.default_rng(11).choice(rows[100:-100], lost, replace=False))
+    kept = np.delete(rows, missing)
+    stamps = 0.0004 + period_s * kept
+    counts = 2 * np.pi / 131_072
+    assert recovered(stamps, counts * np.round(moving(stamps) / counts)) is None
+    # The same stamps, and no row missing: the rows' clock is a little slow.
+    times = 0.0004 + (stamps[-1] - stamps[0]) / (len(stamps) - 1) * np.arange(float(len(stamps)))
+    again = recovered(stamps, counts * np.round(moving(times) / counts))
+    if lost == 1:  # one longer step is where a clock that rounds would put it, or anywhere
+        assert again is None or again[1].missing_rows == 0
+    else:
+        assert moves_by(stamps, moving(times)) < 0.5

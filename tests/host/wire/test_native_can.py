@@ -3,6 +3,7 @@ or changed, in pieces of any size."""
 
 from dataclasses import fields
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 import pytest
@@ -90,7 +91,8 @@ def streams() -> dict[str, NDArray[np.void]]:
 def decoded(
     frames: NDArray[np.void], sizes: list[int], position: Position | None, *, in_c: bool
 ) -> list[object]:
-    decoder, out, at = CanBytesDecoder(native=in_c), [], 0
+    decoder, at = CanBytesDecoder(native=in_c), 0
+    out: list[object] = []
     if position is not None:
         decoder.resume(position)
     for size in sizes:
@@ -128,8 +130,14 @@ def test_a_stream_that_is_resumed_is_decoded_alike() -> None:
 def test_most_of_a_whole_stream_goes_through_c(monkeypatch: pytest.MonkeyPatch) -> None:
     """Else alike would mean nothing."""
     decoder = CanBytesDecoder(native=True)
-    general, calls = decoder._decoder.feed, []
-    monkeypatch.setattr(type(decoder._decoder), "feed", lambda _, *a: calls.append(a) or general(*a))
+    general = decoder._decoder.feed
+    calls: list[object] = []
+
+    def counted(_: object, *arguments: Any) -> Any:
+        calls.append(arguments)
+        return general(*arguments)
+
+    monkeypatch.setattr(type(decoder._decoder), "feed", counted)
     frames = streams()["whole"]
     for at in range(0, len(frames), 100):
         decoder.feed(frames[at : at + 100].tobytes())
