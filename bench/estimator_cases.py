@@ -67,7 +67,7 @@ def _on_axis(
     M, B, K = alpha[0] + load[0], alpha[1] + load[1], load[2]
 
     def answer(w: np.ndarray) -> np.ndarray:
-        return 1 / (-(w**2) * M + 1j * w * (B + KD) + K + KP)
+        return np.asarray(1 / (-(w**2) * M + 1j * w * (B + KD) + K + KP))
 
     w = 2 * np.pi * rng.uniform(0.1, 3.0, 20)
     R = 0.012 * np.sqrt(2 / 20) * np.exp(2j * np.pi * rng.uniform(size=20))

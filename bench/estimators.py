@@ -13,6 +13,7 @@ import json
 import os
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -52,35 +53,40 @@ class Row:
 def rows() -> Iterator[Row]:
     """All of the page."""
     fast: tuple[EstimatorWish, ...] = ("least-squares", "instruments", "auto")
+    with_reference: tuple[EstimatorWish, ...] = ("instruments", "output-error")
+    without_choice: tuple[EstimatorWish, ...] = ("least-squares", *with_reference)
     for factor in (1.0, 5.0, 25.0):
         noise = f"accelerometer × {factor:g}"
         for wish in (*fast, "output-error"):
-            make = lambda seed, f=factor: axis(seed, f)  # noqa: E731
-            yield Row("one axis", noise, wish, make, int(wish == "output-error"))
-        for wish in ("instruments", "output-error"):
-            make = lambda seed, f=factor: axis(seed, f, told=True)  # noqa: E731
-            yield Row("one axis, reference logged", noise, wish, make, 1)
-    for told, wishes in (
+            yield Row("one axis", noise, wish, partial(axis, factor=factor), int(wish == "output-error"))
+        for wish in with_reference:
+            yield Row("one axis, reference logged", noise, wish, partial(axis, factor=factor, told=True), 1)
+    in_the_loop: tuple[tuple[bool, tuple[EstimatorWish, ...]], ...] = (
         (False, ("least-squares", "instruments")),
-        (True, ("instruments", "output-error", "auto")),
-    ):
+        (True, (*with_reference, "auto")),
+    )
+    for told, wishes in in_the_loop:
         name = "one axis, force of 0.3 N rms in the loop" + (", reference logged" if told else "")
         for wish in wishes:
-            make = lambda seed, t=told: axis(seed, 1.0, told=t, disturbed=0.3)  # noqa: E731
+            make = partial(axis, factor=1.0, told=told, disturbed=0.3)
             yield Row(name, "accelerometer × 1", wish, make, int(told))
     for kind in ("mass-spring", "arm"):
         for factor in (1.0, 5.0, 25.0):
             noise = f"accelerometer × {factor:g}"
             for wish in fast if factor == 5.0 else (*fast, "output-error"):
-                make = lambda seed, f=factor, k=kind: paper(seed, f, k)  # noqa: E731
+                make = partial(paper, factor=factor, kind=kind)
                 yield Row(f"the paper's robot, {kind}", noise, wish, make, int(wish == "output-error"))
-        make = lambda seed, k=kind: paper(seed, 25.0, k, told=True)  # noqa: E731
+        make = partial(paper, factor=25.0, kind=kind, told=True)
         name = f"the paper's robot, {kind}, reference logged"
         yield Row(name, "accelerometer × 25", "instruments", make, 1)
     for degrees in (1e-3, 1e-2):
-        for wish in ("least-squares", "instruments", "output-error"):
-            make = lambda seed, d=degrees: birdy([seed], d)[0]  # noqa: E731
+        for wish in without_choice:
+            make = partial(_two_links, degrees=degrees)
             yield Row("two links, free (BIRDy's noise)", f"angles {degrees:g} deg", wish, make, 2)
+
+
+def _two_links(seed: int, degrees: float) -> Case:
+    return birdy([seed], degrees)[0]
 
 
 def answer(row: Row, seed: int) -> dict[str, Any]:
@@ -137,7 +143,7 @@ def run(
     if not done:
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(json.dumps({"fingerprint": own}) + "\n", encoding="utf-8")
-    result = {}
+    result: dict[tuple[str, str, str], list[dict[str, Any]]] = {}
     with path.open("a", encoding="utf-8") as file:
         for row in rows():
             if only not in row.what:
@@ -188,7 +194,7 @@ def emps() -> dict[str, Any] | None:
     if "IMPID_DATA" not in os.environ or not record.exists():
         return None
     study = import_logs([record], ROOT / "docs" / "mappings" / "emps.toml", "emps")
-    out = {}
+    out: dict[str, Any] = {}
     for wish in ESTIMATORS:
         fit = fit_study(study, Options(CHAINS["emps"], None, TERMS, Split(0.0), estimator=wish)).robot
         assert isinstance(fit, RobotFit)

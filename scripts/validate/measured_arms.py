@@ -11,7 +11,7 @@ import json
 import os
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -71,29 +71,10 @@ CASES = (
 )  # fmt: skip
 
 
-@dataclass(frozen=True, slots=True)
-class Textbook(RobotStructure):
-    """The terms, and gravity where the model has none of its own and a trial may show it."""
-
-    gravity: tuple[str, ...] = field(default=())
-
-    @property
-    def parameter_names(self) -> tuple[str, ...]:
-        return RobotStructure.parameter_names.fget(self) + self.gravity  # type: ignore[attr-defined]
-
-    @property
-    def parameter_units(self) -> tuple[str, ...]:
-        return RobotStructure.parameter_units.fget(self) + ("N*m",) * len(self.gravity)  # type: ignore[attr-defined]
-
-    def regressor(self, theta: Floats, omega: Floats, theta_dd: Floats) -> Floats:
-        own = RobotStructure.regressor(self, theta, omega, theta_dd)
-        return np.concatenate([own, self.model.gravity_regressor(theta)], axis=2) if self.gravity else own
-
-
-def textbook(study: Study) -> Textbook:
-    """Of a study's robot."""
+def textbook(study: Study) -> RobotStructure:
+    """Of a study's robot: the terms, and gravity where the model has none of its own and a trial may show it."""
     model = robot_model(study.setup.robot)
-    return Textbook(model, robot_structure(model, TERMS).terms, model.gravity_parameters)
+    return replace(robot_structure(model, TERMS), gravity=bool(model.gravity_parameters))
 
 
 def load(data: Path, case: Case, name: str) -> Study:

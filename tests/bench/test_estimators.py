@@ -43,7 +43,7 @@ def test_auto_chooses_by_the_noise(factor: float, expected: str) -> None:
     fit = fitted(case, "auto")[1]
     assert fit.estimated is not None and fit.estimated.by == expected
     assert fit.estimated.bias_sd is not None and "least squares move" in fit.estimated.reason
-    same = fitted(case, expected)[1]  # type: ignore[arg-type]
+    same = fitted(case, expected)[1]
     if expected == "least-squares":
         np.testing.assert_array_equal(fit.K.value, same.K.value)
 

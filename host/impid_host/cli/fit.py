@@ -94,6 +94,12 @@ REFLEX = "load.delay"
     "--physical", is_flag=True, help="Also give the robot's links inertias that a body can have (URDF)."
 )
 @click.option(
+    "--urdf",
+    type=click.Path(path_type=Path, dir_okay=False),
+    metavar="FILE",
+    help="With --physical: write the robot's URDF with those inertias.",
+)
+@click.option(
     "--varying",
     metavar="time|posture|since:COLUMN|COLUMN",
     help="Also give K, B and x0 as curves with 95 % bands: over time (each trial by itself), over the slow "
@@ -124,6 +130,7 @@ def command(
     saved_robot: bool,
     save_model: Path | None,
     physical: bool,
+    urdf: Path | None,
     varying: str | None,
     constrain: bool,
     limb: tuple[float, float] | None,
@@ -158,6 +165,8 @@ def command(
         raise click.UsageError("--limb: lengths must be positive, in metres")
     if save_model is not None and model_file is not None:
         raise click.UsageError("--save-model writes a model without effects: leave --model out")
+    if urdf is not None and not physical:
+        raise click.UsageError("--urdf writes inertias that a body can have: add --physical")
     if model_file is not None and chain != DEFAULT.name:
         raise click.UsageError("--model goes with --chain default: its effects act on those signals")
     schedule = None
@@ -180,6 +189,7 @@ def command(
         keep_robot=saved_robot,
         save_model=save_model,
         physical=physical,
+        urdf=urdf,
         varying=schedule,
         constrain=constrain,
         limb=None if limb is None or shoulder is None else (limb, shoulder, side),

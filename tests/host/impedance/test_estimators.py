@@ -46,9 +46,9 @@ def test_instruments_are_the_textbook_formula() -> None:
 def test_the_design_as_its_own_instrument_is_least_squares() -> None:
     X, y, _ = noisy(np.random.default_rng(2), 900, 0.1)
     slopes = np.random.default_rng(3).normal(size=(900, 1, 1))
-    size = {"nuisance_covariance": np.array([[0.04]])}
-    plain = fit_linear([Stretch(X, y, slopes)], NAMES, UNITS, **size)
-    own = fit_linear([Stretch(X, y, slopes, X)], NAMES, UNITS, **size)
+    size = np.array([[0.04]])
+    plain = fit_linear([Stretch(X, y, slopes)], NAMES, UNITS, nuisance_covariance=size)
+    own = fit_linear([Stretch(X, y, slopes, X)], NAMES, UNITS, nuisance_covariance=size)
     np.testing.assert_allclose(own.value, plain.value, rtol=1e-9)
     np.testing.assert_allclose(own.covariance, plain.covariance, rtol=1e-6)
     assert plain.least_squares is None
