@@ -1,6 +1,6 @@
 """What one study of a clinic costs, step by step, and what an archive of them would (docs/scaling.md).
 
-    python -m bench.archive_cost [--sessions 10]
+    bench/archive_cost.py [--sessions 10]
 
 The study: 2 free trials, 4 under load, 50 s each at 1 kHz, module and robot log as CSV. Each step is a process of its
 own, imports not counted. A patient has so many sessions.
@@ -23,8 +23,8 @@ from impid_host.batch.read_back import read_results
 from impid_host.batch.task import Answer, BatchOptions
 from impid_host.sessions.long_table import rows_of
 from impid_host.study.hashes import file_hashes
+from speed.measure import cost
 
-from bench.speed.measure import cost
 from hil_sim.scenarios.random import Size, random_scenario
 from hil_sim.study.write import write_study
 
@@ -96,7 +96,7 @@ def asked(files: int, together: bool) -> Iterator[int]:
             duckdb.sql(f"COPY (FROM '{source}') TO '{folder}/one' (FORMAT parquet)")
             source = f"{folder}/one"
         yield files
-        duckdb.sql(f"SELECT date, value FROM read_parquet('{source}') WHERE quantity = 'kxx'").fetchall()
+        duckdb.execute(f"SELECT date, value FROM read_parquet('{source}') WHERE quantity = 'kxx'").fetchall()
 
 
 def read_back(files: int) -> Iterator[int]:

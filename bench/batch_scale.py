@@ -19,7 +19,9 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
+from typing import Any, TypeVar
 
 import distributed
 import duckdb
@@ -79,8 +81,14 @@ def write_archive(folder: Path, studies: int) -> int:
 def measured(archive: Path, out: Path, **how: object) -> Measured:
     """Run the batch."""
     begin = time.monotonic()
-    settings = {"jobs": 2, "scheduler": None, "timeout_s": 600.0, "command": "bench", "progress": _shown}
-    outcome = run([str(archive)], str(out), BatchOptions(), **{**settings, **how})  # type: ignore[arg-type]
+    settings: dict[str, Any] = {
+        "jobs": 2,
+        "scheduler": None,
+        "timeout_s": 600.0,
+        "command": "bench",
+        "progress": _shown,
+    }
+    outcome = run([str(archive)], str(out), BatchOptions(), **{**settings, **how})
     return Measured(time.monotonic() - begin, outcome)
 
 
@@ -95,18 +103,16 @@ def cluster(workers: int) -> Iterator[str]:
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         address = f"tcp://127.0.0.1:{free.getsockname()[1]}"
-    quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+    silent = partial(subprocess.Popen[bytes], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     own = ["--host", "127.0.0.1", "--no-dashboard"]
     port = ["--port", address.rpartition(":")[2]]
-    started = [
-        subprocess.Popen([sys.executable, "-m", "distributed.cli.dask_scheduler", *own, *port], **quiet)
-    ]
+    started = [silent([sys.executable, "-m", "distributed.cli.dask_scheduler", *own, *port])]
     worker = [sys.executable, "-m", "distributed.cli.dask_worker", address, *own, "--nthreads", "1"]
     with tempfile.TemporaryDirectory() as place:
         more = ["--local-directory", place, "--no-nanny"]
-        started += [subprocess.Popen([*worker, *more], **quiet) for _ in range(workers)]
+        started += [silent([*worker, *more]) for _ in range(workers)]
         try:
-            with distributed.Client(address, timeout=300) as client:
+            with distributed.Client(address, timeout=300) as client:  # type: ignore[no-untyped-call]
                 client.wait_for_workers(workers, timeout=300)
             yield address
         finally:
@@ -122,7 +128,10 @@ def results(out: Path) -> pa.Table:
     return table.sort_by([(name, "ascending") for name in ("place", "load", "method", "quantity")])
 
 
-def timed(what: Callable[[], object]) -> tuple[float, object]:
+Answer = TypeVar("Answer")
+
+
+def timed(what: Callable[[], Answer]) -> tuple[float, Answer]:
     """Seconds and answer."""
     begin = time.monotonic()
     answer = what()
@@ -145,9 +154,9 @@ def bench(studies: int, jobs: int) -> list[tuple[str, str]]:
         again = measured(folder / "archive", here, jobs=jobs)
         tables = results(here), results(there)
         same = tables[0].equals(tables[1])
-        asked, answer = timed(lambda: duckdb.sql(QUESTION.format(out=here)).fetchall())
+        asked, answer = timed(lambda: duckdb.execute(QUESTION.format(out=here)).fetchall())
         read_s, read = timed(lambda: read_results(str(here)))
-        compared_s, series = timed(lambda: compare(read.rows))  # type: ignore[attr-defined]
+        compared_s, series = timed(lambda: compare(read.rows))
         files = list(here.iterdir())
         stored = sum(path.stat().st_size for path in files)
         one = folder / "all.parquet"
@@ -168,11 +177,11 @@ def bench(studies: int, jobs: int) -> list[tuple[str, str]]:
                 "results",
                 f"{len(files)} files, {stored / 1e6:.1f} MB; as one file {one.stat().st_size / 1e6:.2f} MB",
             ),
-            ("K_xx of patient P07 over time, DuckDB", f"{len(answer)} rows, {asked:.2f} s"),  # type: ignore[arg-type]
+            ("K_xx of patient P07 over time, DuckDB", f"{len(answer)} rows, {asked:.2f} s"),
             (
                 "`compare` reads the results; compares",
                 f"{read_s:.1f} s; {compared_s:.1f} s, {len(series)} series",
-            ),  # type: ignore[arg-type]
+            ),
         ]
 
 

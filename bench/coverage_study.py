@@ -58,7 +58,8 @@ def noise(rng: np.random.Generator, rms: float, pole_hz: float | None) -> np.nda
 def whitened(values: np.ndarray, rms: float, pole_hz: float | None) -> np.ndarray:
     """`values` (N, ...) through the filter that makes the noise white with unit variance."""
     p = 0.0 if pole_hz is None else np.exp(-2 * np.pi * pole_hz / RATE)
-    return np.concatenate([values[:1] * 0, values[1:] - p * values[:-1]]) / (rms * np.sqrt(1 - p**2))
+    left = np.concatenate([values[:1] * 0, values[1:] - p * values[:-1]])
+    return np.asarray(left / (rms * np.sqrt(1 - p**2)))
 
 
 def trial(

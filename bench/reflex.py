@@ -27,7 +27,7 @@ SIDES = {1.0: 0, -1.0: 1}
 
 def filtered(numerator: Sequence[float], poles: np.ndarray, values: np.ndarray) -> np.ndarray:
     """Through a continuous filter, its input straight between samples (first-order hold)."""
-    b, a, _ = signal.cont2discrete((numerator, np.poly(poles)), 1 / FINE_HZ, method="foh")
+    b, a, _ = signal.cont2discrete((np.asarray(numerator), np.poly(poles)), 1 / FINE_HZ, method="foh")
     return np.asarray(signal.lfilter(b.ravel(), a, values))
 
 

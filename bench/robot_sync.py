@@ -26,7 +26,7 @@ def draw(seed: int) -> tuple[float, float, float, bool, bool, float]:
 
     def theta(t: np.ndarray) -> np.ndarray:
         exact = (0.7 + 0.07 * np.sin(angular * t + phase).sum(axis=1)).T
-        return np.round(exact / COUNT_RAD) * COUNT_RAD
+        return np.asarray(np.round(exact / COUNT_RAD) * COUNT_RAD)
 
     t_robot = np.arange(0, DURATION_S, 1e-3)
     t_device = offset + lag + np.arange(0, DURATION_S, 1e-3)

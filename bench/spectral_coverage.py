@@ -12,6 +12,7 @@ import argparse
 import json
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from impid_host.impedance.spectral.estimate import TrialSignals, estimate_spectral
@@ -55,7 +56,7 @@ def one_study(study: int) -> dict[str, list[list[float]]]:
     first = 1000 * (TRIALS * study)
     trials = [shake(rng, ARM, first + 100 * k, VOLUNTARY_N, CANDIDATES) for k in range(TRIALS)]
     error = ALPHA_SD * rng.standard_normal(5)
-    found = {}
+    found: dict[str, list[list[float]]] = {}
     for label, setting in SETTINGS.items():
         best = estimate_spectral(trials, FS, setting, surrogates=25).best
         found |= {f"{label}, {name} fit": row(getattr(best, fit)) for name, fit in FITS.items()}
@@ -70,9 +71,9 @@ def row(fit: SecondOrderFit) -> list[list[float]]:
     return [(np.concatenate(value) - fit.bias.ravel()).tolist(), np.concatenate(sd).tolist()]
 
 
-def summary(studies: list[dict[str, list[list[float]]]]) -> dict[str, dict[str, float | list[float]]]:
+def summary(studies: list[dict[str, list[list[float]]]]) -> dict[str, dict[str, Any]]:
     """Coverage in percent by case: of all parameters, and of each."""
-    out: dict[str, dict[str, float | list[float]]] = {}
+    out: dict[str, dict[str, Any]] = {}
     for case in studies[0]:
         value, sd = np.moveaxis(np.array([study[case] for study in studies]), 1, 0)
         inside = 100 * np.mean(np.abs(value - TRUE) < NORMAL_95 * sd, axis=0)

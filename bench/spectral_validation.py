@@ -10,6 +10,7 @@ so what differs from the truth is the estimator's.
 import sys
 import tomllib
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from impid_host.design.perturbation import design_perturbation
@@ -44,7 +45,7 @@ Matrices = tuple[np.ndarray, np.ndarray, np.ndarray]
 
 def dynamic_stiffness(omega: np.ndarray, M: np.ndarray, B: np.ndarray, K: np.ndarray) -> np.ndarray:
     w = omega[:, np.newaxis, np.newaxis]
-    return K + 1j * w * B - w**2 * M
+    return np.asarray(K + 1j * w * B - w**2 * M)
 
 
 def shake(
@@ -110,7 +111,7 @@ def spread(estimates: list[SpectralEstimate], truth: Matrices, which: str) -> st
     return "\n".join(lines)
 
 
-def spring_matrices(data: dict, array: dict) -> Matrices:
+def spring_matrices(data: dict[str, Any], array: dict[str, Any]) -> Matrices:
     a = np.deg2rad(array["major_axis_deg"])
     R = np.array([[np.cos(a), -np.sin(a)], [np.sin(a), np.cos(a)]])
     K = R @ np.diag([array["k_major_N_m"], array["k_minor_N_m"]]) @ R.T
@@ -128,7 +129,7 @@ def main() -> None:
         (Path(__file__).parents[1] / "hil_sim" / "scenarios" / "spring_arrays.toml").read_text()
     )
     arrays = {a["name"]: spring_matrices(data, a) for a in data["array"]}
-    agreements: dict[str, dict] = {label: {} for label in SETTINGS}
+    agreements: dict[str, dict[str, Any]] = {label: {} for label in SETTINGS}
     first: dict[str, list[SpectralEstimate]] = {}
     for name, load in arrays.items():
         result = evaluate(rng, load, 0.0, known=True)

@@ -120,7 +120,7 @@ def _closed_loop(scenario: Scenario, seed: int, folder: Path) -> Json:
 def _measured(scenario: Scenario, seed: int, study: Path, best: Json, next_trial: Path) -> None:
     """The proposal carried out: what hangs there weighed, or one more trial run."""
     for trial in scenario.trials:
-        if trial.load in best["weigh"]:
+        if trial.load is not None and trial.load in best["weigh"]:
             head = {"kind": trial.kind, "load": trial.load}
             mass = scenario.world.loads[trial.load].M_kg[0][0]
             (study / trial.name / "trial.toml").write_text(tomli_w.dumps(head | {"payload_kg": mass}))

@@ -36,7 +36,7 @@ def taps() -> np.ndarray:
     values = re.search(r"IMPID_DECIMATOR_TAP_VALUES((?:.|\n)*?)\n\n", TAPS_HEADER.read_text())
     assert values is not None
     integers = np.array([int(number) for number in re.findall(r"-?\d+", values[1])])
-    return integers / integers.sum()
+    return np.asarray(integers / integers.sum())
 
 
 def sensor_gain(f_hz: np.ndarray, r_ohm: float = R_FILTER_OHM) -> np.ndarray:
@@ -45,7 +45,7 @@ def sensor_gain(f_hz: np.ndarray, r_ohm: float = R_FILTER_OHM) -> np.ndarray:
 
 
 def decibels(gain: np.ndarray) -> np.ndarray:
-    return 20 * np.log10(np.maximum(gain, 1e-6))
+    return np.asarray(20 * np.log10(np.maximum(gain, 1e-6)))
 
 
 def half_power_hz(f_hz: np.ndarray, gain: np.ndarray) -> float:

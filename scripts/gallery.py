@@ -24,7 +24,7 @@ import matplotlib.pyplot as plt
 ROOT = Path(__file__).resolve().parents[1]
 FOLDER = ROOT / "docs" / "gallery"
 PICTURES = ROOT / "docs" / "img" / "gallery"
-_STYLE = {
+_STYLE: dict[Any, Any] = {
     "axes.spines.top": False,
     "axes.spines.right": False,
     "axes.grid": True,
@@ -113,12 +113,14 @@ def _docstring(text: str) -> str:
 def _run_cell(part: str, space: dict[str, Any], path: Path, *, opening: bool) -> Cell:
     words, code = ("", part) if opening else _sentence(part)
     tree = ast.parse(code)
-    last = tree.body.pop() if tree.body and isinstance(tree.body[-1], ast.Expr) else None
+    last = tree.body[-1] if tree.body else None
+    if isinstance(last, ast.Expr):
+        tree.body.pop()
     printed = io.StringIO()
-    value = None
+    value: Any = None
     with contextlib.redirect_stdout(printed):
         exec(compile(tree, str(path), "exec"), space)
-        if last is not None:
+        if isinstance(last, ast.Expr):
             value = eval(compile(ast.Expression(last.value), str(path), "eval"), space)
     shown = value._repr_html_() if hasattr(value, "_repr_html_") else ""
     return Cell(words.strip(), code.strip(), printed.getvalue(), shown, tuple(_figures()))

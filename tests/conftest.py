@@ -1,11 +1,18 @@
 """Fixtures that every test may use."""
 
 import os
+import sys
 from pathlib import Path
 
 import pytest
 
 CHECKOUT = Path(__file__).resolve().parent.parent
+
+# Tests are imported by path, which puts no folder on the module path. Helpers beside them have their full
+# names (`tests.host.recording.boards`), the parts of programs the names within their folder, as where those
+# run. These folders come last: bench/coverage.py must not stand before the package of that name.
+sys.path.insert(0, str(CHECKOUT))
+sys.path += [str(CHECKOUT / "bench"), str(CHECKOUT / "scripts")]
 
 
 @pytest.fixture(scope="session")

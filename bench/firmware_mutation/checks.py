@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import fields
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -95,7 +96,8 @@ def streams_over_can(image: Path, wiring: Wiring) -> None:
     native = NativeBoard(BoardConfig(start_us=session.board.next_tick_us))
     got: list[list[tuple[int, bytes]]] = [[], []]
     start = session.can_command("START")
-    for board, frames in zip((native, session.board), got, strict=True):
+    boards: tuple[Board, Board] = (native, session.board)
+    for board, frames in zip(boards, got, strict=True):
         board.can_receive(COMMAND_ID, start, board.next_tick_us - 450)
         for first in range(0, STREAM_TICKS // 2, 20):
             board.run(*motion(20, first))
@@ -145,11 +147,11 @@ def swallows_spikes(image: Path, wiring: Wiring) -> None:
         session.run(40)
         schedule, timers = board.soc.schedule, board.soc.timers
         latch_s = 877.5e-6 - encoder_pulse_s / 2  # a run ends 0.98 trigger periods after a tick
-        schedule.after_seconds(300e-6, lambda timers=timers, s=pulse_s: timers["TIM4"].pulse(1, s))
+        schedule.after_seconds(300e-6, partial(timers["TIM4"].pulse, 1, pulse_s))
         for name in ("TIM2", "TIM5"):
             for channel in (1, 2):
-                timer, at = timers[name], latch_s + (channel - 1) * 1e-3
-                schedule.after_seconds(at, lambda t=timer, c=channel, s=encoder_pulse_s: t.pulse(c, s))
+                pulse, at = timers[name].pulse, latch_s + (channel - 1) * 1e-3
+                schedule.after_seconds(at, partial(pulse, channel, encoder_pulse_s))
         session.run(40)
         got = samples(FrameReader().feed(board.serial_take()))
         assert np.count_nonzero(got.flags & 0x10) == expected, "sync edges"

@@ -3,6 +3,7 @@
 import re
 import struct
 import zlib
+from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 
@@ -81,7 +82,7 @@ def tries_a_new_image_once(image: Path, wiring: Wiring) -> None:
 def starts_no_damaged_image(image: Path, wiring: Wiring) -> None:
     """Whatever is wrong with the newer image, the other one runs; a failed one only if it is alone."""
     content = second_image(image)
-    damages = {
+    damages: dict[str, Callable[[Memory], None]] = {
         "its last byte": lambda m: m.flash.__setitem__(SLOTS[1] + HEADER + len(content) - 1, 0x5A),
         "no mark": lambda m: put(m, SLOTS[1] + AT_MARK, 0),
         "no length": lambda m: m.flash.__setitem__(

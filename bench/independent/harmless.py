@@ -37,7 +37,8 @@ class Kind:
 
     def instruments(self, ins: Instruments, rng: Generator) -> Instruments:
         if self.noise:
-            ins = replace(ins, **{c: Noise(self.noise, getattr(ins, c).level) for c in self.channels})
+            heard: dict[str, Any] = {c: Noise(self.noise, getattr(ins, c).level) for c in self.channels}
+            ins = replace(ins, **heard)
         return replace(ins, **self.sets(rng))
 
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.random import Generator
+from numpy.typing import NDArray
 
 from . import noise as noises
 from .laboratory import Instruments, Noise
@@ -46,7 +47,7 @@ def at(values: Array, m: Motion, t: Array) -> Array:
     u = (place - left)[:, None]
     bend = 0.25 * u * (1 - u)
     a, b = values[left], values[left + 1]
-    return a + u * (b - a) - bend * (values[left - 1] - a - b + values[left + 2])
+    return np.asarray(a + u * (b - a) - bend * (values[left - 1] - a - b + values[left + 2]))
 
 
 def mean_over(values: Array, m: Motion, t: Array, period: float) -> Array:
@@ -69,7 +70,7 @@ def _stepped(values: Array, step: float) -> Array:
     return np.round(values / step) * step if step else values
 
 
-def _kept(rng: Generator, n: int, share: float, period: int) -> Array:
+def _kept(rng: Generator, n: int, share: float, period: int) -> NDArray[np.intp]:
     keep = rng.random(n) >= share
     if period:
         keep[period::period] = False
@@ -78,7 +79,7 @@ def _kept(rng: Generator, n: int, share: float, period: int) -> Array:
 
 
 def _volts(ins: Instruments, accel: Array) -> Array:
-    return np.array(ins.zero_g) + accel / GRAVITY * np.array(ins.sensitivity)
+    return np.asarray(np.array(ins.zero_g) + accel / GRAVITY * np.array(ins.sensitivity))
 
 
 def _module(m: Motion, s: Signals, ins: Instruments, rng: Generator) -> tuple[dict[str, Array], Array, Array]:

@@ -26,9 +26,9 @@ class Noise:
 class Instruments:
     """What the records are made with. Rates in Hz, angles in rad, times in s, clocks in ppm."""
 
-    counts: tuple[int, int]
+    counts: tuple[int, ...]
     zero: tuple[float, float]
-    direction: tuple[int, int]
+    direction: tuple[int, ...]
     full_scale_code: int
     vref: float
     zero_g: tuple[float, float]
@@ -84,7 +84,7 @@ class Laboratory:
 
     @property
     def home(self) -> Array:
-        return self.robot.tip(np.array([self.centre]))[0]
+        return np.asarray(self.robot.tip(np.array([self.centre]))[0])
 
 
 def _log_uniform(rng: Generator, low: float, high: float) -> float:
@@ -178,7 +178,9 @@ def _plans(rng: Generator, loads: list[Load], sort: str) -> tuple[Plan, ...]:
     free_reach, load_reach = np.radians(rng.uniform(9, 20)), np.radians(rng.uniform(3, 7))
     ways = ["multisine", "multisine", "moves", "chirp", "mixed"]
     free_style, load_style = str(rng.choice(ways)), str(rng.choice(ways))
-    wanted = [(f"free_{i + 1:02d}", "free", None, free_style, free_reach) for i in range(free)]
+    wanted: list[tuple[str, str, Load | None, str, float]] = [
+        (f"free_{i + 1:02d}", "free", None, free_style, free_reach) for i in range(free)
+    ]
     wanted += [
         (f"{load.name}_{i + 1:02d}", load.kind, load, load_style, load_reach)
         for load in loads

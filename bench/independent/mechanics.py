@@ -24,7 +24,7 @@ class Robot:
     """Lengths in m, alpha as in the first paper (kg m², kg m², kg m², N m s, N m s), first moments in kg m."""
 
     lengths: tuple[float, float]
-    alpha: tuple[float, float, float, float, float]
+    alpha: tuple[float, ...]
     moments: tuple[float, float]
 
     def tip(self, theta: Array) -> Array:
@@ -92,10 +92,11 @@ class Robot:
         """Torque that the motors deliver in free motion: inertia, centrifugal terms, viscous friction."""
         half = 0.5 * self.alpha[1] * np.cos(theta[:, 0] - theta[:, 1])
         turning = np.column_stack([half * omega[:, 1] ** 2, -half * omega[:, 0] ** 2])
-        return self.inertia_times(theta, accel) + turning + omega * np.array(self.alpha[3:])
+        friction: Array = omega * np.array(self.alpha[3:])
+        return self.inertia_times(theta, accel) + turning + friction
 
     def energy(self, theta: Array, omega: Array) -> Array:
-        return 0.5 * (omega * self.inertia_times(theta, omega)).sum(1)
+        return np.asarray(0.5 * (omega * self.inertia_times(theta, omega)).sum(1))
 
     def hold(self, theta: Array, field_accel: Array) -> Array:
         """Torque that keeps the links up in a field of acceleration (m/s², (2,) or (n, 2))."""

@@ -96,7 +96,7 @@ def _multisine(rng: Generator, t: Array) -> Array:
     count = int(rng.integers(6, 13))
     f = np.sort(rng.uniform(0.1, rng.uniform(1.6, 2.6), count))
     phases = rng.uniform(0, 2 * np.pi, count)
-    return np.sin(2 * np.pi * np.outer(t, f) + phases).sum(1)
+    return np.asarray(np.sin(2 * np.pi * np.outer(t, f) + phases).sum(1))
 
 
 def _moves(rng: Generator, t: Array) -> Array:
@@ -116,7 +116,8 @@ def _chirp(rng: Generator, t: Array) -> Array:
     sweep = 0.5 - 0.5 * np.cos(2 * np.pi * (t - t[0]) * rng.integers(1, 4) / (t[-1] - t[0]))
     phase = 2 * np.pi * np.cumsum(f0 * (f1 / f0) ** sweep) / RATE + rng.uniform(0, 2 * np.pi)
     size = (f0 / (f0 * (f1 / f0) ** sweep)) ** 0.5
-    return size * np.sin(phase) + 0.7 * np.sin(2 * np.pi * rng.uniform(0.08, 0.3) * t + rng.uniform(0, 6.3))
+    slow = np.sin(2 * np.pi * rng.uniform(0.08, 0.3) * t + rng.uniform(0, 6.3))
+    return np.asarray(size * np.sin(phase) + 0.7 * slow)
 
 
 WAYS = {"multisine": _multisine, "moves": _moves, "chirp": _chirp}

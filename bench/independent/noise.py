@@ -15,7 +15,7 @@ Array = NDArray[np.float64]
 
 
 def _unit(values: Array) -> Array:
-    return values / np.sqrt(np.mean(values**2, axis=0, keepdims=True))
+    return np.asarray(values / np.sqrt(np.mean(values**2, axis=0, keepdims=True)))
 
 
 def white(rng: Generator, n: int, rate: float) -> Array:
@@ -58,7 +58,7 @@ def _student(freedom: float) -> Callable[[Generator, int, float], Array]:
 
 
 def laplace(rng: Generator, n: int, rate: float) -> Array:
-    return rng.laplace(size=(n, 2)) / np.sqrt(2)
+    return np.asarray(rng.laplace(size=(n, 2)) / np.sqrt(2))
 
 
 def shot(rng: Generator, n: int, rate: float) -> Array:
@@ -119,7 +119,9 @@ def common(rng: Generator, n: int, rate: float) -> Array:
 def sparkles(rng: Generator, n: int, rate: float) -> Array:
     """One sample in some thousands is off by tens of the spread."""
     hits = rng.random((n, 2)) < rng.uniform(1e-4, 4e-4)
-    return rng.standard_normal((n, 2)) + hits * rng.choice([-1, 1], (n, 2)) * rng.uniform(15, 40, (n, 2))
+    return np.asarray(
+        rng.standard_normal((n, 2)) + hits * rng.choice([-1, 1], (n, 2)) * rng.uniform(15, 40, (n, 2))
+    )
 
 
 def stable(rng: Generator, n: int, rate: float) -> Array:

@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .instruments import BAND, Record, Signals
 from .mechanics import Array, Load, Robot
@@ -33,7 +34,7 @@ class Seen:
     robot: Robot
 
 
-def inside(m: Motion) -> Array:
+def inside(m: Motion) -> NDArray[np.bool_]:
     t = m.t[::STEP]
     return (t >= 0) & (t <= m.plan.duration)
 
@@ -53,13 +54,14 @@ def analyst(m: Motion, s: Signals, lengths: tuple[float, float]) -> Seen:
     v, _ = robot.tip_rates(theta, omega, np.zeros_like(omega))
     rows = inside(m)
     parts = (theta, omega, robot.tip(theta), v, a, low[:, 4:6], force)
-    return Seen(*(p[rows] for p in parts), robot)
+    theta, omega, x, v, a, tau, force = (p[rows] for p in parts)
+    return Seen(theta, omega, x, v, a, tau, force, robot)
 
 
 def thinned(seen: Seen, every: int) -> Seen:
     """Every so many rows."""
-    parts = {f.name: getattr(seen, f.name) for f in fields(seen)}
-    return Seen(**{k: v if isinstance(v, Robot) else v[::every] for k, v in parts.items()})
+    names = [f.name for f in fields(seen) if f.name != "robot"]
+    return replace(seen, **{name: getattr(seen, name)[::every] for name in names})
 
 
 def residual(m: Motion, seen: Seen) -> Array:
@@ -132,7 +134,7 @@ def noise_seen(m: Motion, r: Record, cutoff: float = BAND) -> NoiseSeen:
     )
 
 
-def inside_fine(m: Motion) -> Array:
+def inside_fine(m: Motion) -> NDArray[np.bool_]:
     return (m.t >= 0) & (m.t <= m.plan.duration)
 
 

@@ -75,7 +75,7 @@ class Ruler:
         return (columns * self._weight(m)[None, :, None]).reshape(-1, columns.shape[2])
 
     def _weight(self, m: Motion) -> Array:
-        return self.weight * np.array([1, 1, m.loaded, m.loaded])
+        return np.asarray(self.weight * np.array([1, 1, m.loaded, m.loaded]))
 
     def _without_loads(self, rows: list[Array]) -> list[Array]:
         """Each trial's rows, (rows, any), less what its load's parameters can take."""
@@ -122,7 +122,7 @@ def _orthonormal(columns: Array) -> Array:
     scaled = columns[:, sizes > 0] / sizes[sizes > 0]
     values, vectors = np.linalg.eigh(scaled.T @ scaled)
     keep = values > 1e-10 * values[-1]
-    return scaled @ (vectors[:, keep] / np.sqrt(values[keep]))
+    return np.asarray(scaled @ (vectors[:, keep] / np.sqrt(values[keep])))
 
 
 def calibrate(ruler: Ruler, effect: Effect, target: float, measure: str) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections import defaultdict
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -78,7 +78,11 @@ def _grid(lines: list[Line], verdicts: tuple[str, ...], good: tuple[str, ...], t
 def _totals(lines: list[Line], good: tuple[str, ...], title: str) -> list[str]:
     """Shares by the strength wanted and by what the papers' parameters leave of it."""
     out = [f"## {title}", "", "| | " + " or ".join(good) + " |", "| --- | --- |"]
-    for words, of in (("wanted", lambda g: g["wanted"][0][1]), ("seen", lambda g: g["seen_strength"])):
+    sizes: dict[str, Callable[[dict[str, Any]], float]] = {
+        "wanted": lambda g: g["wanted"][0][1],
+        "seen": lambda g: g["seen_strength"],
+    }
+    for words, of in sizes.items():
         for low, high in ((0, 1), (1, 2), (2, 4), (4, 8), (8, 1e9)):
             group = [g for g in lines if low <= of(g) < high]
             hits = sum(g["verdict"] in good for g in group)

@@ -139,6 +139,7 @@ def clipped_accelerometer(limit_g: float, axes: tuple[str, ...], one_sided: bool
 
     def change(samples: Any, study: Study) -> Any:
         a = study.setup.accelerometer
+        assert a is not None, "no accelerometer to clip"
         new = {}
         for k, name in (("ax", "ax"), ("ay", "ay")):
             axis = 0 if k == "ax" else 1
@@ -178,6 +179,7 @@ def constant(*names: str) -> Callable[[Any, Study], Any]:
 def relative_counts(samples: Any, study: Study) -> Any:
     """The second encoder sits between the links."""
     e = study.setup.encoder
+    assert e is not None, "no encoders"
     per = [d * 2 * np.pi / n for d, n in zip(e.direction, e.counts_per_rev, strict=True)]
     theta1 = e.zero_rad[0] + per[0] * samples.enc1.astype(float)
     theta2 = e.zero_rad[1] + per[1] * samples.enc2.astype(float)

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
+from impid_host.samples import DeviceSamples
 from impid_host.study.model import Study
 
 from mistakes_campaign.changes import (
@@ -66,7 +67,7 @@ def has_force(study: Study) -> bool:
 
 def reaches_16_bits(study: Study) -> bool:
     """A counter of 16 bits would read something else on the first encoder."""
-    counts = [trial.device.enc1 for trial in study.trials if trial.device is not None]
+    counts = [trial.device.enc1 for trial in study.trials if isinstance(trial.device, DeviceSamples)]
     return any(int(own.max()) >= 2**15 or int(own.min()) < -(2**15) for own in counts)
 
 

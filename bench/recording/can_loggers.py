@@ -9,6 +9,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import can
@@ -86,7 +87,9 @@ def ours(seconds: float, folder: Path) -> dict[str, object]:
 def main(times: int = 3) -> None:
     rng = np.random.default_rng(3)
     durations = rng.uniform(3.0, 6.0, times)
-    makers = {f"python-can .{suffix}": functools.partial(python_can, suffix) for suffix in FORMATS}
+    makers: dict[str, Callable[[float, Path], dict[str, object]]] = {
+        f"python-can .{suffix}": functools.partial(python_can, suffix) for suffix in FORMATS
+    }
     makers["impid-host"] = ours
     found = {}
     for name, make in makers.items():

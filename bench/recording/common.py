@@ -14,9 +14,10 @@ from impid_host.link.can_bus import parse_address
 ROOT = Path(__file__).parents[2]
 RESULTS = ROOT / "build" / "validation" / "recording"
 RECORD = [sys.executable, "-c", "from impid_host.cli import main; main()", "record"]
-sys.path[:0] = [str(ROOT / "tests" / "host" / "recording"), str(ROOT / "bench")]
-from boards import CanBoard, PtyBoard, SlcanBoard  # noqa: E402
+sys.path[:0] = [str(ROOT), str(ROOT / "bench")]
 from clock_sync import board_us, exchanges  # noqa: E402
+
+from tests.host.recording.boards import CanBoard, PtyBoard, SlcanBoard  # noqa: E402
 
 __all__ = [
     "RECORD",

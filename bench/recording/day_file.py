@@ -101,4 +101,4 @@ def main(hours: float = 24.0, *carriers: str) -> None:
 
 
 if __name__ == "__main__":
-    main(*(float(a) if a.replace(".", "").isdigit() else a for a in sys.argv[1:]))
+    main(float(sys.argv[1]) if len(sys.argv) > 1 else 1.0, *sys.argv[2:])

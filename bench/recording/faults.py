@@ -11,7 +11,8 @@ from pathlib import Path
 from typing import Any
 
 from common import save
-from served import record_through
+
+from tests.host.recording.served import record_through
 
 AT = 0.6
 LINE = (

@@ -9,6 +9,8 @@ import os
 import subprocess
 import sys
 import tempfile
+from multiprocessing.queues import Queue
+from multiprocessing.synchronize import Event
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +20,8 @@ from impid_host.recording.reader import read_recording
 CARRIERS = ("serial", "slcan", "udp_multicast")
 
 
-def _serve(kind: str, places, stop) -> None:
+def _serve(kind: str, places: "Queue[list[str]]", stop: Event) -> None:
+    board: PtyBoard | SlcanBoard | CanBoard
     if kind == "serial":
         board = PtyBoard()
         places.put(["--port", board.port])
@@ -33,7 +36,7 @@ def _serve(kind: str, places, stop) -> None:
     board.close()
 
 
-def _burn(stop) -> None:
+def _burn(stop: Event) -> None:
     os.nice(max(0, -os.nice(0)))  # as any other program, however this one was started
     while not stop.is_set():
         sum(i * i for i in range(10_000))

@@ -126,7 +126,7 @@ def lsl(seconds: float, folder: Path, how: str) -> dict[str, float | str]:
     stamps, tick = np.array([line.split(",") for line in lines], dtype=float).T
     errors = 1e6 * (stamps - board.clock_zero_s - 1e-3 * tick)
     settled = stamps > stamps[0] + SETTLED_S
-    return summary(errors[settled]) | {"missing_after_kill_ms": ticks - int(tick[-1])}
+    return {**summary(errors[settled]), "missing_after_kill_ms": ticks - int(tick[-1])}
 
 
 PYTHON_CAN = """

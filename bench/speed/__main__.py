@@ -8,12 +8,13 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
+import elf_speed
 import numpy as np
 
-from bench import elf_speed
-from bench.speed import commands, fits, joints, recordings, wire
-from bench.speed.measure import cost
+from speed import commands, fits, joints, recordings, wire
+from speed.measure import Job, cost
 
 HEAD = """# Speed and memory
 
@@ -176,13 +177,13 @@ HIDDEN = ("elastic.cartesian@tip", "actuator.offset@joint1", "friction.coulomb@j
 def _curve(
     against: str,
     what: str,
-    job: Callable[..., object],
-    sizes: list[tuple[object, ...]],
+    job: Job,
+    sizes: list[tuple[Any, ...]],
     *,
     by_about: bool = False,
-    count: Callable[[tuple[object, ...]], object] = lambda size: size[0],
+    count: Callable[[tuple[Any, ...]], object] = lambda size: size[0],
 ) -> list[str]:
-    costs = [cost(job, *size) for size in sizes]  # type: ignore[arg-type]
+    costs = [cost(job, *size) for size in sizes]
     at = [own.about if by_about else count(size) for own, size in zip(costs, sizes, strict=True)]
     lines = [f"### {what}", "", f"| {against} | processor time, s | peak memory, MB |", "| --- | --- | --- |"]
     lines += [

@@ -5,7 +5,7 @@ import resource
 import subprocess
 import sys
 
-from bench.speed.measure import ROOT
+from speed.measure import ROOT
 
 _CODE = "import sys; from impid_host.cli import main; sys.argv[0] = 'impid-host'; main()"
 # Bad input: the command starts whole, reads, and ends at once.

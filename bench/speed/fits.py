@@ -6,9 +6,9 @@ from pathlib import Path
 
 import impid_host
 import numpy as np
+from robot_sync import draw
 from scipy import signal
 
-from bench.robot_sync import draw
 from hil_sim.scenarios.random import Size, random_scenario
 from hil_sim.study.write import write_study
 

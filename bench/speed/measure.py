@@ -5,19 +5,20 @@ is kept: the number of samples, say.
 """
 
 import importlib
+import inspect
 import json
 import os
 import resource
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 ROOT = Path(__file__).resolve().parents[2]
-Job = Callable[..., Generator[Any, None, None]]
+Job = Callable[..., Iterator[Any]]
 
 
 @dataclass(frozen=True)
@@ -40,13 +41,13 @@ def cost(job: Job, *arguments: Any, times: int = 1) -> Cost:
     command = [
         sys.executable,
         "-m",
-        "bench.speed.measure",
+        "speed.measure",
         _module(job),
         job.__name__,
         json.dumps(arguments),
     ]
     threads = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
-    path = os.pathsep.join([str(ROOT / "host"), str(ROOT)])
+    path = os.pathsep.join([str(ROOT / "host"), str(ROOT), str(ROOT / "bench")])
     environment = {**os.environ, **threads, "PYTHONPATH": path}
     costs = []
     for _ in range(times):
@@ -58,9 +59,11 @@ def cost(job: Job, *arguments: Any, times: int = 1) -> Cost:
 
 
 def _module(job: Job) -> str:
-    """By which another process imports it, also where it is the program itself (`python -m`)."""
-    spec = sys.modules[job.__module__].__spec__
-    return job.__module__ if spec is None else spec.name
+    """By which another process imports it, also where it is the program itself, by `-m` or by its path."""
+    module = sys.modules[job.__module__]
+    if module.__spec__ is not None:
+        return module.__spec__.name
+    return Path(inspect.getfile(job)).stem
 
 
 def main() -> None:

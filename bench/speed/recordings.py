@@ -9,10 +9,11 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import can
+import day_file
+import load
 from impid_host.recording.reader import read_recording
 
-from bench.speed.boards import day_file, load
-from bench.speed.wire import CAN_TICKS, frames, write_blf
+from speed.wire import CAN_TICKS, frames, write_blf
 
 _MOST_S = 60.0
 

@@ -6,14 +6,14 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import can
+import day
 import numpy as np
 from cobs import cobs
+from decoder_speed import SAMPLES, stream
 from impid_host.wire.can_frames import CAN_FRAME, CanBytesDecoder
 from impid_host.wire.decoder import SerialDecoder
 from impid_host.wire.messages import ACCEL, ENCODER, HEADER, OPCODE
 
-from bench.decoder_speed import SAMPLES, stream
-from bench.speed.boards import day
 from hil_sim.board.native import BoardConfig, NativeBoard
 
 CAN_TICKS = 200_000

@@ -20,6 +20,7 @@ from impid_host.checks.of_diagnosis import beside_diagnosis
 from impid_host.diagnosis.diagnose import diagnose as _diagnose
 from impid_host.example import example_parts
 from impid_host.impedance.campaign import Options, default_chain
+from impid_host.impedance.estimators.estimated import EstimatorWish
 from impid_host.impedance.rows import Split
 from impid_host.impedance.varying.campaign import vary_study
 from impid_host.impedance.varying.schedule import Schedule
@@ -73,7 +74,13 @@ holds setup.toml
         """
         return check_study(self)
 
-    def fit(self, *, with_terms: tuple[str, ...] = (), validate_s: float = 10.0) -> Fitted:
+    def fit(
+        self,
+        *,
+        with_terms: tuple[str, ...] = (),
+        validate_s: float = 10.0,
+        estimator: EstimatorWish = "least-squares",
+    ) -> Fitted:
         """Identify the robot, then every load, with 95 % intervals ([D] Sec. III).
 
         >>> fitted = example_study().fit(with_terms=("friction.coulomb",))
@@ -83,12 +90,13 @@ holds setup.toml
         Args:
             with_terms: optional terms of the robot model by name, as `fit --with`.
             validate_s: seconds at the end of each trial that are held out (a fifth of it at most).
+            estimator: "least-squares", "instruments", "output-error" or "auto" (docs/estimators.md).
 
         Raises:
-            UndeterminedError: the data do not determine what was asked.
+            UndeterminedError: the data do not determine what was asked, or the estimator cannot be had.
         """
         chain = default_chain(self)
-        options = Options(chain=chain, terms=with_terms, split=Split(validate_s))
+        options = Options(chain=chain, terms=with_terms, split=Split(validate_s), estimator=estimator)
         first = fitted(self, options, check_study(self))
         return Fitted(self, first.fit, first.checks, first.agreement, chain, first.pushes)
 
@@ -230,7 +238,13 @@ def check(study: _Study | str | Path) -> Checks:
     return _study(study).check()
 
 
-def fit(study: _Study | str | Path, *, with_terms: tuple[str, ...] = (), validate_s: float = 10.0) -> Fitted:
+def fit(
+    study: _Study | str | Path,
+    *,
+    with_terms: tuple[str, ...] = (),
+    validate_s: float = 10.0,
+    estimator: EstimatorWish = "least-squares",
+) -> Fitted:
     """`Study.fit` of a study or of the folder at a path.
 
     >>> fit(example_study(), validate_s=4.0).trusted
@@ -240,7 +254,7 @@ def fit(study: _Study | str | Path, *, with_terms: tuple[str, ...] = (), validat
         InputError: as `read_study`.
         UndeterminedError: the data do not determine what was asked.
     """
-    return _study(study).fit(with_terms=with_terms, validate_s=validate_s)
+    return _study(study).fit(with_terms=with_terms, validate_s=validate_s, estimator=estimator)
 
 
 def diagnose(study: _Study | str | Path, *, cutoff_hz: float | None = None) -> Diagnosed:

@@ -13,7 +13,7 @@ import json
 import shutil
 import subprocess
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +23,7 @@ from first_paper_arm import arm_numbers, pooled
 from first_paper_figures import draw_campaign, draw_filters
 from first_paper_page import SOURCES, write_page
 from footnote_two import draw, sweep
+from impid_host.signals.align import AccelerationSource
 
 HERE = Path(__file__).parent
 PUBLISHED = json.loads((HERE / "published_tables.json").read_text(encoding="utf-8"))
@@ -149,7 +150,7 @@ def table_four(rows: Sequence[Row]) -> dict[str, Any]:
     return out
 
 
-def footnote_numbers(coarse: dict[tuple[int, str], Result]) -> list[dict[str, Any]]:
+def footnote_numbers(coarse: Mapping[tuple[int, AccelerationSource], Result]) -> list[dict[str, Any]]:
     """Largest error of Method 1 over the loads, with and without the accelerometer, per encoder resolution."""
     out = []
     for (factor, source), result in coarse.items():

@@ -5,9 +5,10 @@ from typing import Any
 
 import numpy as np
 from first_paper_arm import arm_part, beyond_part
+from impid_host.signals.align import AccelerationSource
 from markdown import mean_sd, table
 
-SOURCES = ("accelerometer", "angles")
+SOURCES: tuple[AccelerationSource, ...] = ("accelerometer", "angles")
 _WORSE = 1.25  # times the other's error: enough to be called worse
 _VISIBLE_PERCENT = 0.5  # errors below this are nobody's finding
 
@@ -154,7 +155,7 @@ def _footnote_part(simulated: list[dict[str, Any]], conditions: list[dict[str, A
 
 
 def _name(row: dict[str, Any]) -> str:
-    return row["name"] + (f" ({row['resonance_Hz']:.0f} Hz)" if "resonance_Hz" in row else "")
+    return str(row["name"]) + (f" ({row['resonance_Hz']:.0f} Hz)" if "resonance_Hz" in row else "")
 
 
 def _pair(name: str, pair: Sequence[dict[str, Any]]) -> list[str]:
@@ -171,12 +172,12 @@ def _pair(name: str, pair: Sequence[dict[str, Any]]) -> list[str]:
 
 
 def _ratio(with_it: dict[str, Any], without: dict[str, Any]) -> float:
-    return abs(without["m_percent"]) / abs(with_it["m_percent"])
+    return float(abs(without["m_percent"]) / abs(with_it["m_percent"]))
 
 
 def _worse(row: dict[str, Any]) -> bool:
-    without = abs(row["angles"]["m_percent"])
-    return without > _VISIBLE_PERCENT and without > _WORSE * abs(row["accelerometer"]["m_percent"])
+    without = abs(float(row["angles"]["m_percent"]))
+    return without > _VISIBLE_PERCENT and without > _WORSE * abs(float(row["accelerometer"]["m_percent"]))
 
 
 def _footnote_verdict(conditions: list[dict[str, Any]]) -> str:

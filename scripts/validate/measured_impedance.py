@@ -205,9 +205,16 @@ def pendulum(data: Path) -> dict[str, Any]:
         estimate = robot.estimate
         names = list(estimate.names)
         rows = np.zeros((len(PENDULUM), len(names)))
-        for row, parts in enumerate(
-            ({"ZZ1R": 1, "ZZ2": 1}, {"ZZ2": 1}, {"MX2": 0.3}, {"MX1R": G}, {"MX2": G}, {"Fc1": 1}, {"Fc2": 1})
-        ):
+        sums: tuple[dict[str, float], ...] = (
+            {"ZZ1R": 1, "ZZ2": 1},
+            {"ZZ2": 1},
+            {"MX2": 0.3},
+            {"MX1R": G},
+            {"MX2": G},
+            {"Fc1": 1},
+            {"Fc2": 1},
+        )
+        for row, parts in enumerate(sums):
             for name, factor in parts.items():
                 rows[row, names.index(name)] = factor
         value, sd = rows @ estimate.value, np.sqrt(np.diag(rows @ estimate.covariance @ rows.T))

@@ -9,6 +9,7 @@ WORK/second_paper: an interrupted run goes on where it stopped; delete a file th
 
 import argparse
 import json
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -60,12 +61,11 @@ def main() -> None:
         "scenarios": ["palazzolo-springs", "palazzolo-arm", "palazzolo-virtual"],
         "seed": options.seed,
         "arrays": {
-            name: cached(work, name, lambda name=name: load_numbers(springs, name, known=True))
-            for name in ARRAYS
+            name: cached(work, name, partial(load_numbers, springs, name, known=True)) for name in ARRAYS
         },
         "arm": cached(work, "arm", lambda: load_numbers(arm, "arm", known=False)),
         "fit": {
-            study.name: cached(work, f"fit-{study.name}", lambda study=study: spectral_part(study))
+            study.name: cached(work, f"fit-{study.name}", partial(spectral_part, study))
             for study in (springs, arm, both)
         },
         "fit_without_force": cached(
@@ -75,7 +75,7 @@ def main() -> None:
             load: cached(
                 work,
                 f"perturbation-{load}",
-                lambda load=load, source=source: perturbation_numbers(work, load, source),
+                partial(perturbation_numbers, work, load, source),
             )
             for load, source in (("arm", "palazzolo-arm"), ("sa3", "palazzolo-springs"))
         },
@@ -83,7 +83,7 @@ def main() -> None:
             hidden: cached(
                 work,
                 f"periodic-{hidden.split()[0].lower()}",
-                lambda hidden=hidden: periodic_numbers(work, hidden),
+                partial(periodic_numbers, work, hidden),
             )
             for hidden in HIDDEN
         },
@@ -181,8 +181,10 @@ def _agreements(part: Json) -> list[list[Agreement]]:
 
 def _levels(axis: Json) -> DistortionLevels:
     names = ("excited", "odd", "even", "noise", "p_odd", "p_even")
-    arrays = (np.array(axis[name]) for name in ("line", "kind", "amplitude", "line_noise"))
-    return DistortionLevels(*(float(axis[name]) for name in names), *arrays)
+    lines = ("line", "kind", "amplitude", "line_noise")
+    parts: Json = {name: float(axis[name]) for name in names}
+    parts |= {name: np.array(axis[name]) for name in lines}
+    return DistortionLevels(**parts)
 
 
 if __name__ == "__main__":

@@ -13,6 +13,7 @@ import argparse
 import json
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from first_paper import simulate
@@ -38,7 +39,7 @@ class Pairs:
 
     @property
     def gap(self) -> np.ndarray:
-        return self.one - self.two
+        return np.asarray(self.one - self.two)
 
 
 def pairs(quantity: str) -> Pairs:
@@ -67,9 +68,9 @@ def rms(values: np.ndarray) -> float:
     return float(np.sqrt(np.mean(values**2)))
 
 
-def trace() -> dict[str, dict[str, object]]:
+def trace() -> dict[str, dict[str, Any]]:
     """Per quantity: size of the missing part with its interval, and the error before and after each hypothesis."""
-    out: dict[str, dict[str, object]] = {}
+    out: dict[str, dict[str, Any]] = {}
     for quantity in QUANTITIES:
         data = pairs(quantity)
         n = len(data.gap)
@@ -126,11 +127,11 @@ def _simulated_part(loads: dict[str, dict[str, float]]) -> list[str]:
     ]
 
 
-def page(result: dict[str, dict[str, object]], loads: dict[str, dict[str, float]]) -> str:
+def page(result: dict[str, dict[str, Any]], loads: dict[str, dict[str, float]]) -> str:
     """The page in Markdown."""
     rows = []
     for name, entry in result.items():
-        low, high = entry["constant_ci95"]  # type: ignore[misc]
+        low, high = entry["constant_ci95"]
         rows.append(
             [
                 f"{name} ({entry['unit']})",
@@ -171,10 +172,10 @@ def page(result: dict[str, dict[str, object]], loads: dict[str, dict[str, float]
     )
 
 
-def _verdict(result: dict[str, dict[str, object]]) -> list[str]:
+def _verdict(result: dict[str, dict[str, Any]]) -> list[str]:
     def better(name: str) -> bool:
         entry = result[name]
-        return entry["error_after_constant_left_one_out"] < entry["error_after_scale_left_one_out"]  # type: ignore[operator]
+        return bool(entry["error_after_constant_left_one_out"] < entry["error_after_scale_left_one_out"])
 
     k, m, ky = result["kxx"], result["m"], result["kyy"]
     corner = result["ks"]["constant"]

@@ -1,5 +1,7 @@
 """The plan of the campaign that judges diagnoses is balanced."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 from diagnosis_campaign.cases import (
@@ -87,7 +89,7 @@ def test_places_are_those_of_the_catalogue():
 
 def test_every_effect_is_met_in_free_trials_and_under_load_only():
     cases = [case for case in plan(1000, Sizes(when=2)) if case.part == "when"]
-    kinds = {}
+    kinds: dict[Any, Any] = {}
     for case in cases:
         name, _, rest = case.effects[0].partition("@")
         kinds.setdefault(name, set()).add(rest.rpartition(":")[2])

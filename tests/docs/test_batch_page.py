@@ -1,12 +1,10 @@
 """The commands and questions of docs/batch.md run as printed, on an archive whose answers are known."""
 
 import datetime
-import importlib.util
 import re
 import shlex
-import sys
 from pathlib import Path
-from types import ModuleType
+from typing import Any
 
 import duckdb
 import pytest
@@ -14,26 +12,13 @@ from click.testing import CliRunner
 from impid_host.cli import cli
 from pyarrow import parquet
 
+from tests.host.batch import studies_in_closed_form as closed_form
+
 ROOT = Path(__file__).resolve().parents[2]
 TEXT = (ROOT / "docs" / "batch.md").read_text(encoding="utf-8")
 
 
-@pytest.fixture(scope="module")
-def closed_form() -> ModuleType:
-    """The studies of the batch's tests."""
-    folders = [ROOT / "tests" / "host" / name for name in ("batch", "report")]
-    sys.path[:0] = [str(folder) for folder in folders]
-    path = folders[0] / "studies_in_closed_form.py"
-    spec = importlib.util.spec_from_file_location("studies_in_closed_form", path)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[spec.name] = module
-    spec.loader.exec_module(module)
-    return module
-
-
-def test_the_page(closed_form: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_page(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     for day in (1, 2):
         closed_form.write_study(closed_form.small("P07", day), tmp_path / "archive" / f"day{day}")
@@ -42,7 +27,7 @@ def test_the_page(closed_form: ModuleType, tmp_path: Path, monkeypatch: pytest.M
     (commands,) = re.findall(r"<!-- runs: batch -->\n```sh\n(.*?)```", TEXT, re.DOTALL)
     said = [CliRunner().invoke(cli, shlex.split(line)[1:]) for line in commands.splitlines()]
     assert [done.exit_code for done in said] == [1, 0], said[0].output  # the broken one is said
-    answers = []
+    answers: list[Any] = []
     monkeypatch.setattr("builtins.print", answers.append)
     names: dict[str, object] = {}
     for block in re.findall(r"```python\n(.*?)```", TEXT, re.DOTALL):
@@ -64,7 +49,7 @@ def test_the_page(closed_form: ModuleType, tmp_path: Path, monkeypatch: pytest.M
     assert (done.exit_code, done.output) == (0, said[1].output.partition("\n")[2])
 
 
-def test_every_column_is_told(closed_form: ModuleType, tmp_path: Path) -> None:
+def test_every_column_is_told(tmp_path: Path) -> None:
     closed_form.batch(tmp_path / "gone", tmp_path / "out")
     (path,) = (tmp_path / "out").iterdir()
     table = TEXT.partition("## Columns")[2]

@@ -1,13 +1,11 @@
 """Every example of the gallery runs, prints and draws; its pages say what it did."""
 
 import os
-import sys
 from pathlib import Path
 
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
-sys.path.insert(0, str(ROOT / "scripts"))
 import gallery  # noqa: E402
 
 SIMULATED = [path for path in gallery.paths() if not path.stem.startswith("measured")]

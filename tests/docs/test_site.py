@@ -67,6 +67,6 @@ def test_reference_is_whole(site: Path) -> None:
     assert [name for name in CATALOGUE if f">{name}<" not in effects] == []
     messages = (site / "reference" / "messages.html").read_text(encoding="utf-8")
     database = cantools.database.load_file(ROOT / "protocol" / "impid.dbc")
-    signals = [signal.name for message in database.messages for signal in message.signals]  # type: ignore[union-attr]
+    signals = [signal.name for message in database.messages for signal in message.signals]
     assert signals
     assert [name for name in signals if f">{name}<" not in messages] == []

@@ -1,4 +1,4 @@
-"""The budget script as a module, and what the tests of the emulator have for the host's client."""
+"""The budget script as a module."""
 
 import importlib.util
 import sys
@@ -8,8 +8,6 @@ from types import ModuleType
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
-
-sys.path.insert(0, str(ROOT / "tests" / "hil_sim_elf"))
 
 
 @pytest.fixture(scope="module")

@@ -11,8 +11,9 @@ from pathlib import Path
 import pytest
 from elftools.elf.elffile import ELFFile
 from elftools.elf.sections import SymbolTableSection
-from unicorn import UC_ARCH_ARM, UC_HOOK_MEM_READ, UC_HOOK_MEM_WRITE, UC_MODE_MCLASS, UC_MODE_THUMB, Uc
+from unicorn import UC_ARCH_ARM, UC_HOOK_MEM_READ, UC_HOOK_MEM_WRITE, UC_MODE_MCLASS, UC_MODE_THUMB
 from unicorn.arm_const import UC_ARM_REG_LR, UC_ARM_REG_SP
+from unicorn.unicorn import Uc
 
 ROOT = Path(__file__).resolve().parents[2]
 FIRMWARE = ROOT / "firmware"
@@ -36,6 +37,7 @@ class Flash:
         self._low: tuple[int, int] | None = None
         self.erased: list[int] = []
         self.programmed = 0
+        self._before = bytes(8)
         self.trouble: list[str] = []
         machine.hook_add(UC_HOOK_MEM_WRITE, self._program, begin=FLASH, end=FLASH + FLASH_BYTES - 1)
         machine.hook_add(UC_HOOK_MEM_WRITE, self._write, begin=REGISTERS, end=REGISTERS + 0xFF)

@@ -88,6 +88,7 @@ class Elf:
             assert isinstance(table, SymbolTableSection)
             self.symbols = {symbol.name: symbol["st_value"] for symbol in table.iter_symbols()}
             text = elf.get_section_by_name(".text")
+            assert text is not None
             self.text_at, self.text = text["sh_addr"], text.data()
             self.data = elf.get_section_by_name(".data").data()
             self.header = elf.get_section_by_name(".header").data()

@@ -9,7 +9,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from chip_link import ChipLink
 from impid_host.errors import LinkError
 from impid_host.link.client import BoardClient
 from impid_host.link.update import FirmwareFile, read_firmware, update
@@ -17,6 +16,7 @@ from impid_host.wire.carrier import CAN, SERIAL, Carrier
 
 from hil_sim.board.elf.board import ElfBoard
 from hil_sim.board.elf.flash import Cut
+from tests.hil_sim_elf.chip_link import ChipLink
 
 ROOT = Path(__file__).resolve().parents[2]
 BUILT = ROOT / ".pio" / "build" / "nucleo_f446re"

@@ -38,7 +38,7 @@ def frame_seeds() -> dict[str, bytes]:
 
 def command(request_id: int, opcode: str, item: int = 0, value: int = 0) -> bytes:
     """The payload of COMMAND, then the age of its arrival, 100 us."""
-    fields = {"request_id": request_id, "opcode": opcode, "item": item, "value": value}
+    fields: dict[str, int | str] = {"request_id": request_id, "opcode": opcode, "item": item, "value": value}
     return bytes(DATABASE.encode_message("COMMAND", fields)) + struct.pack("<H", 100)
 
 

@@ -8,6 +8,7 @@ import sys
 import threading
 import time
 from contextlib import contextmanager
+from typing import Any
 
 from hil_sim.board import layout
 from hil_sim.board.wire import FrameReader, command, samples
@@ -20,7 +21,7 @@ class Served:
 
     def __init__(self, process):
         self.process = process
-        self._lines = queue.SimpleQueue()
+        self._lines: queue.SimpleQueue[Any] = queue.SimpleQueue()
         self.events = []
         threading.Thread(target=self._read, daemon=True).start()
         self.ready = self.event("ready")

@@ -1,5 +1,7 @@
 """Errors of the accelerometer beyond zero, gain and cross-axis, by hand."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -10,7 +12,7 @@ STEP_S = 125e-6
 
 def truth(**changes):
     """A perfect, silent ADXL203 on link 2, altered by `changes`."""
-    values = {
+    values: dict[str, Any] = {
         "zero_g_V": (1.65, 1.65),
         "sensitivity_V_per_g": (0.62, 0.62),
         "supply_V": 3.3,

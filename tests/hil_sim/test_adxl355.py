@@ -1,7 +1,9 @@
 """The digital accelerometer from the motion to the host: three axes of 20 bits, both carriers."""
 
 import tomllib
+from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pyarrow.csv
@@ -81,7 +83,7 @@ def test_the_self_test_of_three_axes_passes_in_the_simulator() -> None:
         number = layout.code("COMMAND", "item", item)
         module.serial_receive(command(10 + n, "INFO", item=number), module.now_us)
     heard = SerialDecoder().feed(module.serial_take())
-    statuses: tuple[BoardStatus, ...] = heard.statuses
+    statuses: Sequence[BoardStatus] = heard.statuses
     assert statuses[-1].self_test == layout.code("STATUS_HEALTH", "self_test", "PASSED")
     told = [response.value for response in heard.responses[-3:]]
     # The third axis carries gravity: of its 1.5 g there is room for 2.048 - 1 g, which is within the limits.
@@ -156,7 +158,7 @@ def test_the_sensor_is_chosen_on_the_command_line(scenario_file, tmp_path: Path)
 
 
 def test_a_scenario_may_have_the_sensor_itself(scenario_file) -> None:
-    def digital(content: dict) -> None:
+    def digital(content: dict[str, Any]) -> None:
         content["setup"]["accelerometer"] |= {
             "part": "ADXL355", "vref_V": 4.096, "full_scale_code": 1 << 24,
             "zero_g_V": [2.048, 2.048], "sensitivity_V_per_g": [1.0, 1.0],

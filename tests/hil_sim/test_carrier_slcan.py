@@ -6,6 +6,7 @@ import time
 import can
 import pytest
 import serial
+from can.interfaces.slcan import slcanBus
 
 from hil_sim.carriers.pty import PtyCarrier
 from hil_sim.carriers.slcan import SlcanCarrier
@@ -57,10 +58,11 @@ def test_python_can_sends_and_receives(adapter, turning):
         assert turning == [(0x100, bytes(range(8))), (0x7FF, b""), (0, b"\xff")]
         sent = [(0x110 + i, bytes([i] * (i % 9))) for i in range(200)]
         adapter.send(sent)
-        got = []
+        got: list[tuple[int, bytes]] = []
         while len(got) < 200 and (message := bus.recv(1.0)) is not None:
             got.append((message.arbitration_id, bytes(message.data)))
         assert got == sent
+        assert isinstance(bus, slcanBus)
         assert bus.get_version(1.0) == (10, 13)
 
 
@@ -81,7 +83,7 @@ def port(adapter):
 
 def test_commands_by_the_manual(adapter, port):
     """Lawicel's manual: what is answered to each command, with the channel closed and open."""
-    refused = (b"\a", [])
+    refused: tuple[bytes, list[object]] = (b"\a", [])
     for early in (b"O\r", b"C\r", b"t1000\r", b"F\r", b"S9\r", b"S\r", b"Q\r", b"m00000000\r"):
         assert talk(adapter, port, early) == refused, early
     for closed in (b"S6\r", b"S8\r", b"s0014\r", b"Z0\r", b"M00000000\r", b"mFFFFFFFF\r", b"O\r"):

@@ -3,6 +3,7 @@
 import os
 import select
 import socket
+from typing import Any
 
 import can
 import pytest
@@ -120,7 +121,8 @@ def test_a_port_in_use_is_refused():
 def test_udp_multicast_carries_frames_both_ways():
     carrier = BusCarrier("udp_multicast", "239.74.163.2", port=43191)
     assert not carrier.connected
-    with can.Bus(**carrier.config) as host:
+    config: dict[str, Any] = carrier.config
+    with can.Bus(**config) as host:
         host.send(can.Message(arbitration_id=0x100, data=b"12345678", is_extended_id=False))
         host.send(can.Message(arbitration_id=0x100, data=b"other", is_extended_id=True))
         assert carrier.receive(2.0) == [(0x100, b"12345678")]

@@ -136,7 +136,9 @@ def test_a_load_that_changes_has_at_each_instant_the_force_of_its_matrices(param
         course_from=1.0,
         course_span=0.7 if course == SINE else 2.0,
         course_phase=0.4,
-        **{f"more_{name}": tuple(matrix.ravel()) for name, matrix in more.items()},
+        more_M=tuple(more["M"].ravel()),
+        more_B=tuple(more["B"].ravel()),
+        more_K=tuple(more["K"].ravel()),
     )
     motion, x, extra = led(parameters, SPRING, extras)
     t = (np.arange(len(extra)) + 0.5) * 125e-6

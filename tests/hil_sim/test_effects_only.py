@@ -5,6 +5,7 @@ is made: what the board converts and counts, and what the robot logs.
 """
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -25,7 +26,7 @@ IN_FREE_MOTION = {
     "force.cross_axis": set(),
     "force.delay": set(),
 }
-EXAMPLES = {
+EXAMPLES: dict[str, tuple[dict[str, Any], object]] = {
     "friction.coulomb": ({"torque": 0.05}, MOTION),
     "friction.stribeck": ({"torque": 0.05, "speed": 0.3}, MOTION),
     "friction.asymmetric": ({"torque_pos": 0.05, "torque_neg": 0.02}, MOTION),

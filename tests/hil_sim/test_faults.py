@@ -1,5 +1,7 @@
 """Each fault by itself: it does what it says, as often as it says, however the stream is cut."""
 
+from typing import Any, ClassVar
+
 import numpy as np
 import pytest
 from pydantic import TypeAdapter, ValidationError
@@ -17,13 +19,14 @@ from hil_sim.faults.schema import Fault
 from hil_sim.faults.throttle import Throttle
 from hil_sim.world import Readings
 
-FAULT = TypeAdapter(Fault)
+FAULT: TypeAdapter[Any] = TypeAdapter(Fault)
 
 
 class Carrier:
     """The client's side of a line or a bus: what came out, and what goes in."""
 
-    address, connected, dropped, config = "here", True, 0, {}
+    address, connected, dropped = "here", True, 0
+    config: ClassVar[dict[str, Any]] = {}
 
     def __init__(self):
         self.sent, self.waiting, self.cable = [], [], []
@@ -72,7 +75,9 @@ class Bench:
         self.carrier, self.readings, self.power = Carrier(), FaultyReadings(), Power()
         self.line = FaultyLine(self.carrier, lambda: self.now_us) if serial else None
         self.bus = FaultyBus(self.carrier, lambda: self.now_us) if can else None
-        self.rig = Rig(self.bus or self.line, self.line, self.bus, self.readings, self.power, Log())
+        cable = self.bus or self.line
+        assert cable is not None
+        self.rig = Rig(cable, self.line, self.bus, self.readings, self.power, Log())
 
     def schedule(self, *faults, seed=1, trial="free_01"):
         return Schedule(tuple(FAULT.validate_python(f) for f in faults), trial, seed, self.rig)
@@ -114,7 +119,7 @@ def test_dropped_bytes_are_gone_and_the_others_in_order():
     assert len(data) - len(arrived) == damage.count
     assert abs(damage.count - 1024) < 4 * 32
     # In a counting sequence every step is 1 + the number of bytes left out there.
-    steps = np.diff(np.frombuffer(arrived, np.uint8).astype(np.int64)) % 256
+    steps = np.diff(np.frombuffer(arrived, np.uint8))  # modulo 256
     assert 0 <= damage.count - int((steps - 1).sum()) <= 3  # but for the ends
     assert steps.min() >= 1
 
@@ -330,6 +335,7 @@ def test_a_fault_without_its_carrier_is_refused(kind, bench, remedy):
 
 def test_a_log_to_be_cut_must_be_written():
     bench = Bench()
+    assert bench.line is not None
     rig = Rig(bench.line, bench.line, None, bench.readings, bench.power, None)
     with pytest.raises(SimError, match="--robot-log"):
         injector(

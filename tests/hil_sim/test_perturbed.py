@@ -2,6 +2,7 @@
 
 import tomllib
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -193,7 +194,8 @@ def test_a_perturbation_that_cannot_be_played_is_named(tmp_path, content, words)
 
 def test_the_paper_s_trials_repeat_one_pair_of_perturbations():
     scenario = load("palazzolo-sa1")
-    forces = [trial_truth(scenario, trial(scenario, name), 4).course.force_N for name in ("sa1_01", "sa1_02")]
+    courses: list[Any] = [trial_truth(scenario, trial(scenario, n), 4).course for n in ("sa1_01", "sa1_02")]
+    forces = [course.force_N for course in courses]
     np.testing.assert_array_equal(*forces)
     text = (SHIPPED / "palazzolo-sa1.toml").read_text()
     assert "alike = true" in text

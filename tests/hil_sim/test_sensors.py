@@ -1,5 +1,7 @@
 """Each sensor against its data sheet or a closed form."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 from scipy.signal import welch
@@ -13,7 +15,7 @@ RATE = 8000.0
 
 def truth(**changes):
     """A perfect, silent ADXL203 on link 2, altered by `changes`."""
-    values = {
+    values: dict[str, Any] = {
         "zero_g_V": (1.65, 1.65),
         "sensitivity_V_per_g": (0.62, 0.62),
         "supply_V": 3.3,

@@ -8,6 +8,7 @@ import sys
 import time
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -48,7 +49,7 @@ def said(process, event):
 
 
 def read_frames(port, seconds, until=lambda frames: False):
-    reader, frames, end = FrameReader(), [], time.monotonic() + seconds
+    reader, frames, end = FrameReader(), list[Any](), time.monotonic() + seconds
     while time.monotonic() < end and not until(frames):
         frames += reader.feed(port.read(max(1, port.in_waiting)))
     return frames, reader
@@ -185,7 +186,7 @@ def test_the_robot_sends_its_rows_as_they_come(tmp_path: Path) -> None:
         arguments = ("first-light", "--trial", "free_01", "--robot-log", log, "--torques-to", where)
         with served(*arguments) as (process, ready), serial.Serial(ready["port"], timeout=0.1) as board:
             board.write(command(1, "START"))
-            lines = []
+            lines: list[str] = []
             while len(lines) < 500:
                 lines += port.recv(65536).decode().splitlines()
             assert process.poll() is None

@@ -2,6 +2,7 @@
 
 import subprocess
 import time
+from typing import Any
 
 import can
 import numpy as np
@@ -43,10 +44,10 @@ def can_counts(config):
         {"request_id": 7, "opcode": layout.code("COMMAND", "opcode", "START"), "item": 0, "value": 0},
         scaling=False,
     )
-    options = {"sleep_after_open": 0.1} if config["interface"] == "slcan" else {}
+    options: dict[str, Any] = {"sleep_after_open": 0.1} if config["interface"] == "slcan" else {}
     with can.Bus(**config, **options) as bus:
         bus.send(can.Message(arbitration_id=0x100, data=start, is_extended_id=False))
-        encoder, accel = [], []
+        encoder, accel = list[Any](), list[Any]()
         end = time.monotonic() + 60.0
         while len(encoder) < 1500 and time.monotonic() < end:
             message = bus.recv(1.0)

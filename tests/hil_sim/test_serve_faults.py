@@ -5,6 +5,7 @@ Times are held against the samples' own stamps and the truth's start of the moti
 
 import json
 import time
+from typing import Any
 
 import can
 import numpy as np
@@ -130,7 +131,7 @@ def test_reset_watchdog_and_brown_out_boot_the_board_at_their_time(scenario_file
     ]
     truth_path = tmp_path / "truth.json"
     arguments = ["--trial", TRIAL, "--truth", truth_path]
-    received = {1: [], 2: [], 3: [], 4: []}
+    received: dict[int, Any] = {}
     causes = {}
     with serving(scenario_file(8.0, with_faults(*faults)), *arguments) as board:
         with serial.Serial(board.ready["port"], 921600, timeout=0.05) as port:

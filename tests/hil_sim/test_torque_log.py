@@ -38,11 +38,13 @@ def logged(truth, torque, blocks=None):
     )
     whole, at, rows = motion(torque), 0, []
     for size in blocks or [n]:
+        fine = slice(8 * at, 8 * (at + size))
         part = Motion(
-            *(
-                a[8 * at : 8 * (at + size)]
-                for a in (whole.q, whole.w, whole.acceleration, whole.force, whole.crept)
-            ),
+            whole.q[fine],
+            whole.w[fine],
+            whole.acceleration[fine],
+            whole.force[fine],
+            whole.crept[fine],
             whole.count[at : at + size],
             whole.torque[at : at + size],
         )

@@ -1,15 +1,12 @@
-"""The binary under test, built as it ships; and the folder's own helpers made importable."""
+"""The binary under test, built as it ships."""
 
 import fcntl
 import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
-
-sys.path.insert(0, str(Path(__file__).parent))
 
 
 def built(board: str) -> Path:

@@ -3,10 +3,10 @@
 from pathlib import Path
 
 import pytest
-from snippet import build, results, run
 
 from hil_sim.board.elf.errors import RuleViolation, UnmodelledAccess
 from hil_sim.board.elf.soc import Soc
+from tests.hil_sim_elf.snippet import build, results, run
 
 CLOCKS = "REG(0x40023830u) = 3u << 21 | 7u; REG(0x40023840u) = 0xFu; REG(0x40023844u) = 3u << 8;"
 # DMA2 stream 0, channel 0 (ADC1): words from CDR to RAM, circular, HT and TC interrupts.

@@ -5,8 +5,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from busy import busiest_share
-from feed import readings
 from unicorn import UC_HOOK_EDGE_GENERATED
 
 from hil_sim.board import layout
@@ -19,6 +17,8 @@ from hil_sim.board.native import BoardConfig, NativeBoard
 from hil_sim.board.protocol import Board
 from hil_sim.board.wire import FrameReader, accepts_start, command, samples
 from hil_sim.errors import SimError
+from tests.hil_sim_elf.busy import busiest_share
+from tests.hil_sim_elf.feed import readings
 
 STATUS = [
     "SAMPLES",
@@ -211,7 +211,8 @@ def test_samples_over_can_are_identical_too(firmware: Path) -> None:
     got: list[list[tuple[int, bytes]]] = [[], []]
     for first in range(0, 5000, 50):
         adc, encoder = readings(50, 9, first)
-        for board, frames in zip((native, binary), got, strict=True):
+        boards: tuple[Board, Board] = (native, binary)
+        for board, frames in zip(boards, got, strict=True):
             board.run(adc, encoder)
             if first == 0:
                 board.can_receive(0x100, payload, board.next_tick_us - 450)

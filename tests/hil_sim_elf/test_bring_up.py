@@ -5,7 +5,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from chip_link import ChipLink, Codes
 from click.testing import CliRunner
 from impid_host.bring_up import clocks, converter, recovery, wire
 from impid_host.bring_up.board import BenchBoard
@@ -19,6 +18,7 @@ from impid_host.link.link import Link
 from hil_sim.board.elf.board import ElfBoard
 from hil_sim.board.elf.flash import Cut
 from hil_sim.board.elf.wire import Wire
+from tests.hil_sim_elf.chip_link import ChipLink, Codes
 
 PINS = {"encoder 1 A": ("A", 15), "encoder 2 A": ("A", 0), "x": ("C", 0), "y": ("C", 1)}
 SELF_TEST_CODES = 280  # 225 mV of 3300 in 12 bits
@@ -116,7 +116,7 @@ def test_without_its_external_clock_the_board_says_so(firmware: Path) -> None:
 
 
 def test_without_a_wire_nothing_is_made_up(bench: Bench) -> None:
-    bench.wire = lambda _signal: True  # type: ignore[method-assign]
+    bench.wire = lambda signal: True  # type: ignore[method-assign]
     results = wire.latch_instants(bench.board, bench)
     assert {r.verdict for r in results} == {"not measured"}
     assert "is the wire" in results[0].detail

@@ -3,12 +3,12 @@
 from pathlib import Path
 
 import pytest
-from snippet import build, results, run
 
 from hil_sim.board.elf.can import RECOVERY_BITS
 from hil_sim.board.elf.can_frame import Frame, frame_bits
 from hil_sim.board.elf.errors import RuleViolation
 from hil_sim.board.elf.soc import Soc
+from tests.hil_sim_elf.snippet import build, results, run
 
 BASE = 0x4000_6400
 CLOCKS = "REG(0x40023830u) = 2u; REG(0x40023840u) = 1u << 25;"

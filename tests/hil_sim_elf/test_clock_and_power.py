@@ -3,10 +3,10 @@
 from pathlib import Path
 
 import pytest
-from snippet import build, results, run
 
 from hil_sim.board.elf.errors import RuleViolation
 from hil_sim.board.elf.soc import Soc
+from tests.hil_sim_elf.snippet import build, results, run
 
 RCC_CR, PLLCFGR, CFGR, CIR, CSR = (
     "REG(0x40023800u)",

@@ -4,10 +4,10 @@ import struct
 from pathlib import Path
 
 import pytest
-from snippet import STACK_TOP, build, results, run
 
 from hil_sim.board.elf.errors import CpuFault, UnmodelledAccess
 from hil_sim.board.elf.soc import Soc
+from tests.hil_sim_elf.snippet import STACK_TOP, build, results, run
 
 ISER0, ISPR0, IPR = "0xE000E100u", "0xE000E200u", "0xE000E400u"
 

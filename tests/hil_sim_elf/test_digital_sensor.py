@@ -5,9 +5,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import snippet
-from busy import busiest_share
-from feed import readings as analog_readings
 
 from hil_sim.board import layout
 from hil_sim.board.elf.adxl355 import Adxl355
@@ -18,6 +15,9 @@ from hil_sim.board.elf.wiring import NUCLEO, NUCLEO_ADXL355
 from hil_sim.board.native import BoardConfig, NativeBoard
 from hil_sim.board.protocol import Board
 from hil_sim.board.wire import Frame, FrameReader, Samples, command, samples
+from tests.hil_sim_elf import snippet
+from tests.hil_sim_elf.busy import busiest_share
+from tests.hil_sim_elf.feed import readings as analog_readings
 
 SATURATED, LATE = 1, 4
 MISSING = 0

@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 from elftools.elf.elffile import ELFFile
 from elftools.elf.sections import SymbolTableSection
-from qemu_chip import QemuChip
 
 from hil_sim.board.elf.memory import RAM_BASE
+from tests.hil_sim_elf.qemu_chip import QemuChip
 
 CODE = RAM_BASE + 0x8000  # RAM that the binary does not use
 FORCED = 1 << 30  # HFSR: escalated to a hard fault

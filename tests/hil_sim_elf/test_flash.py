@@ -3,11 +3,11 @@
 from pathlib import Path
 
 import pytest
-from snippet import build, results, run
 
 from hil_sim.board.elf.errors import PowerCut, RuleViolation
 from hil_sim.board.elf.flash import Cut, sector_range
 from hil_sim.board.elf.soc import Soc
+from tests.hil_sim_elf.snippet import build, results, run
 
 KEYR, SR, CR = "REG(0x40023C04u)", "REG(0x40023C0Cu)", "REG(0x40023C10u)"
 UNLOCK = f"{KEYR} = 0x45670123u; {KEYR} = 0xCDEF89ABu;"

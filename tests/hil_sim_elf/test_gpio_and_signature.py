@@ -2,9 +2,8 @@
 
 from pathlib import Path
 
-from snippet import build, results, run
-
 from hil_sim.board.elf.soc import Soc
+from tests.hil_sim_elf.snippet import build, results, run
 
 
 def test_output_set_reset_and_inputs(tmp_path: Path) -> None:

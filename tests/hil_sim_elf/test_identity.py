@@ -6,12 +6,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from feed import readings
 
 from hil_sim.board import layout
 from hil_sim.board.elf.board import ElfBoard
 from hil_sim.board.native import BoardConfig, NativeBoard
 from hil_sim.board.wire import Frame, FrameReader, command, samples
+from tests.hil_sim_elf.feed import readings
 
 SECONDS = 62
 PING_EVERY = 100
@@ -63,8 +63,8 @@ def streams(firmware: Path) -> tuple[list[Frame], list[Frame], ElfBoard]:
         for board in boards:
             board.serial_receive(data, board.next_tick_us - 450)
         request += opcode != "INFO" or first % 2000 == 500
-        for reader, board, kept in zip(readers, boards, frames, strict=True):
-            kept.extend(reader.feed(board.serial_take()))
+        for reader, taken, kept in zip(readers, [b.serial_take() for b in boards], frames, strict=True):
+            kept.extend(reader.feed(taken))
     assert [reader.damaged for reader in readers] == [0, 0]
     return frames[0], frames[1], binary
 

@@ -1,16 +1,12 @@
 """A sample of bench/firmware_mutants.py: the checks pass on what ships, and mistakes of each kind fail them."""
 
-import sys
 from pathlib import Path
 
 import pytest
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "bench"))
-
 from firmware_mutation.checks import first_failure
 from firmware_mutation.mutants import Workshop, mutants
 
-from hil_sim.board.elf.wiring import CUSTOM, NUCLEO
+from hil_sim.board.elf.wiring import CUSTOM, NUCLEO, Wiring
 
 # A register, an order of writes, a priority, a board header, the loader.
 SAMPLE = {
@@ -23,7 +19,7 @@ SAMPLE = {
 
 
 @pytest.mark.parametrize(("name", "wiring"), [("firmware", NUCLEO), ("custom_firmware", CUSTOM)])
-def test_what_ships_passes_every_check(name: str, wiring: object, request: pytest.FixtureRequest) -> None:
+def test_what_ships_passes_every_check(name: str, wiring: Wiring, request: pytest.FixtureRequest) -> None:
     assert first_failure(request.getfixturevalue(name), wiring) is None
 
 

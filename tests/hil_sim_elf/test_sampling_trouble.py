@@ -5,7 +5,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 from elftools.elf.elffile import ELFFile
-from feed import readings
 
 from hil_sim.board import layout
 from hil_sim.board.elf.board import ElfBoard
@@ -14,6 +13,7 @@ from hil_sim.board.elf.memory import RAM_BASE
 from hil_sim.board.elf.wiring import CUSTOM, NUCLEO, Wiring
 from hil_sim.board.native import BoardConfig, NativeBoard
 from hil_sim.board.wire import FrameReader, command, samples
+from tests.hil_sim_elf.feed import readings
 
 ADC_OVERRUN, DMA_ERROR, ASSERTION = 3, 4, 6  # fault_kind_t
 LOG_KIND, LOG_PC = 65, 66  # words of the fault log

@@ -3,10 +3,10 @@
 from pathlib import Path
 
 import pytest
-from snippet import build, results, run
 
 from hil_sim.board.elf.errors import UnmodelledAccess
 from hil_sim.board.elf.soc import Soc
+from tests.hil_sim_elf.snippet import build, results, run
 
 ENABLE = "REG(0x40023840u) = 0x4Fu;"  # TIM2 to TIM5, TIM12
 TIM2, TIM3, TIM4, TIM5, TIM12 = 0x4000_0000, 0x4000_0400, 0x4000_0800, 0x4000_0C00, 0x4000_1800

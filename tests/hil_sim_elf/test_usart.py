@@ -3,10 +3,10 @@
 from pathlib import Path
 
 import pytest
-from snippet import build, results, run
 
 from hil_sim.board.elf.errors import RuleViolation
 from hil_sim.board.elf.soc import Soc
+from tests.hil_sim_elf.snippet import build, results, run
 
 CLOCKS = "REG(0x40023830u) = 1u << 21 | 7u; REG(0x40023840u) = 1u << 17;"
 PINS = "REG(0x40020000u) = 0xA8000000u | 2u << 4 | 2u << 6; REG(0x40020020u) = 7u << 8 | 7u << 12;"

@@ -2,15 +2,12 @@
 
 import json
 import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-# Tests are imported by path, which puts no folder on the module path: framing_reference needs this one.
-sys.path.insert(0, str(Path(__file__).parent))
-from framing_reference import Parse
+from tests.protocol.framing_reference import Parse
 
 ROOT = Path(__file__).resolve().parents[2]
 FIRMWARE = ROOT / "firmware"

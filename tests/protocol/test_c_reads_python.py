@@ -1,10 +1,11 @@
 """The C parser fed with frames that public libraries wrote, whole and damaged."""
 
-import framing_reference as reference
 import pytest
-from framing_reference import Parse
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+
+from tests.protocol import framing_reference as reference
+from tests.protocol.framing_reference import Parse
 
 U8, U16, U32 = st.integers(0, 2**8 - 1), st.integers(0, 2**16 - 1), st.integers(0, 2**32 - 1)
 ENCODER = st.integers(-(2**31), 2**31 - 1)

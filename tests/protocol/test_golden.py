@@ -5,10 +5,12 @@ import re
 import subprocess
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
-import framing_reference as reference
 import numpy as np
 import pytest
+
+from tests.protocol import framing_reference as reference
 
 GOLDEN = Path(__file__).with_name("golden")
 TAPS_HEADER = Path(__file__).resolve().parents[2] / "firmware" / "core" / "impid_decimator_taps.h"
@@ -166,7 +168,7 @@ def test_can_carries_the_same_samples(frames: list[reference.Frame]) -> None:
     assert len(data) % 11 == 0
     names = {message.frame_id: message.name for message in reference.DBC.messages}
     stream = [data[i : i + 11] for i in range(0, len(data), 11)]
-    rows, clocks, pending, when = [], [], {}, {}
+    rows, clocks, pending, when = list[Any](), list[Any](), dict[Any, Any](), dict[Any, Any]()
     for frame in stream:
         name = names[int.from_bytes(frame[:2], "little")]
         assert frame[2] == 8

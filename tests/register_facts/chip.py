@@ -6,7 +6,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from rust_literals import statics
+from tests.register_facts.rust_literals import statics
 
 HERE = Path(__file__).resolve().parent
 
@@ -14,7 +14,15 @@ HERE = Path(__file__).resolve().parent
 @cache
 def crate(name: str) -> Path:
     """The sources of a crate of Cargo.lock; cargo fetches them where they are not there yet."""
-    cargo = ["cargo", "metadata", "--locked", "--format-version", "1", "--manifest-path", HERE / "Cargo.toml"]
+    cargo = [
+        "cargo",
+        "metadata",
+        "--locked",
+        "--format-version",
+        "1",
+        "--manifest-path",
+        str(HERE / "Cargo.toml"),
+    ]
     done = subprocess.run(cargo, capture_output=True, text=True, check=False)
     if done.returncode != 0:
         raise RuntimeError(f"cargo cannot fetch {name}:\n{done.stderr}")

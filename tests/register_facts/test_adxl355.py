@@ -8,10 +8,10 @@ bit 0 of POWER_CTL, ST1 and ST2 are bits 0 and 1 of SELF_TEST, bit 7 of RANGE is
 import re
 
 import pytest
-from chip import crate
-from header import F446
 
 from hil_sim.board.elf import adxl355 as model
+from tests.register_facts.chip import crate
+from tests.register_facts.header import F446
 
 FIRMWARE = F446.sources()["adxl355.c"]
 

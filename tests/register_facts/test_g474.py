@@ -8,8 +8,9 @@ import csv
 import re
 
 import pytest
-from chip import G474 as CHIP
-from header import G474 as HEADER
+
+from tests.register_facts.chip import G474 as CHIP
+from tests.register_facts.header import G474 as HEADER
 
 PERIPHERAL = {
     "ADC": "ADC1", "ADC_COMMON": "ADC12_COMMON", "TIM": "TIM2", "USART": "USART2", "FDCAN": "FDCAN1",

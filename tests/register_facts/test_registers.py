@@ -7,9 +7,9 @@ a number.
 
 import re
 
-import chip
-import header
 import pytest
+
+from tests.register_facts import chip, header
 
 PERIPHERAL = {
     "FLASH": "FLASH", "PWR": "PWR", "RCC": "RCC", "DMA": "DMA1", "DMA1": "DMA1", "DMA2": "DMA2",
@@ -28,7 +28,7 @@ REGISTER = {
     **{f"{timer}.CCR{n}": f"ccr[{n - 1}]" for timer in ("TIM1", "TIM2") for n in (1, 2, 3, 4)},
 }  # fmt: skip
 FLAGS = ("feif", "dmeif", "teif", "htif", "tcif")
-SPELLED = {
+SPELLED: dict[str, str | list[str | int]] = {
     "FLASH_ACR_LATENCY_2": "FLASH.acr.latency=WS2",
     "FLASH_ACR_LATENCY_Msk": "FLASH.acr.latency=mask",
     # The description leaves RDERR out, bit 8 (RM0390 3.8.4).

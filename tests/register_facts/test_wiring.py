@@ -3,9 +3,9 @@
 import csv
 import re
 
-import chip
-import header
 import pytest
+
+from tests.register_facts import chip, header
 
 BOARDS = ["nucleo_f446re", "custom_f446re", "nucleo_f446re_adxl355"]
 SOURCES = header.F446.sources()

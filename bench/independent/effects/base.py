@@ -105,8 +105,8 @@ class Effect:
     def pick_joints(self, rng: Generator, both: float = 0.3) -> None:
         chosen = [0, 1] if rng.random() < both else [int(rng.integers(2))]
         self.where = [JOINTS[j] for j in chosen]
-        self.mask = np.array([float(j in chosen) for j in range(2)])
-        self.shares = self.mask * np.array([1.0, rng.uniform(0.5, 1.6)])
+        self.mask: Array = np.array([float(j in chosen) for j in range(2)])
+        self.shares: Array = self.mask * np.array([1.0, rng.uniform(0.5, 1.6)])
         if chosen == [1]:
             self.shares = self.mask
 
@@ -165,7 +165,7 @@ def first_order(values: Array, lag: float, rate: float = 1000.0) -> Array:
     """Lag with the given time constant, in rest at the first value."""
 
     fade = np.exp(-1 / (lag * rate))
-    return lfilter([1 - fade], [1, -fade], values - values[0], axis=0) + values[0]
+    return np.asarray(lfilter([1 - fade], [1, -fade], values - values[0], axis=0) + values[0])
 
 
 def shifted(values: Array, delay: float | Array, t: Array) -> Array:

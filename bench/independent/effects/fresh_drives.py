@@ -19,7 +19,7 @@ def slow(m: Motion, salt: int, lag: float) -> Array:
     """A slow random curve of unit root mean square, another in each trial; (n,)."""
     raw = m.rng(salt).standard_normal((m.t.size, 1))
     curve = first_order(first_order(raw, lag), lag)[:, 0]
-    return (curve - curve.mean()) / curve.std()
+    return np.asarray((curve - curve.mean()) / curve.std())
 
 
 class SlewingDrive(Effect):
@@ -148,7 +148,7 @@ class SharedReference(Effect):
         self.where, self.mix = ["joint1", "joint2"], rng.choice([-1, 1], 2) * rng.uniform(0.4, 1, 2)
 
     def drive(self, m: Motion, tau: Array) -> Array:
-        return tau + self.amount * self.mix * (tau**2).sum(1, keepdims=True)
+        return np.asarray(tau + self.amount * self.mix * (tau**2).sum(1, keepdims=True))
 
 
 class TorqueGlitches(Effect):

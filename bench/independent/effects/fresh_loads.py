@@ -45,7 +45,7 @@ class YieldsWithSpeed(_Arm):
 
     def load_force(self, m: Motion, force: Array) -> Array:
         fast = np.linalg.norm(m.v, axis=1, keepdims=True)
-        return -self.amount * np.exp(-fast / self.speed) * (m.x - the_load(m).x0)
+        return np.asarray(-self.amount * np.exp(-fast / self.speed) * (m.x - the_load(m).x0))
 
 
 class StiffensWhenShaken(_Arm):
@@ -138,7 +138,7 @@ class PushesAlong(_Arm):
     def load_force(self, m: Motion, force: Array) -> Array:
         felt = shifted(m.v, self.late, m.t)
         speed = np.linalg.norm(felt, axis=1, keepdims=True)
-        return self.amount * np.tanh(speed / self.speed) * felt / np.maximum(speed, 1e-9)
+        return np.asarray(self.amount * np.tanh(speed / self.speed) * felt / np.maximum(speed, 1e-9))
 
 
 class CorrectsByGlances(_Arm):

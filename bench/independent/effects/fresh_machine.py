@@ -16,7 +16,7 @@ def age(omega: Array, slide: float) -> Array:
     for speed in np.abs(omega[::COARSE]).tolist():
         old = (old + step) / (1 + step * speed / slide)
         out.append(old)
-    return np.interp(np.arange(omega.size), np.arange(len(out)) * COARSE, out)
+    return np.asarray(np.interp(np.arange(omega.size), np.arange(len(out)) * COARSE, out))
 
 
 def thrust(m: Motion) -> Array:
@@ -83,7 +83,7 @@ class SoftStop(Effect):
 
     def reaction(self, m: Motion, tau: Array) -> Array:
         way_in = np.clip(self.side * (m.theta - self.at), 0, None)
-        return self.amount * self.mask * self.side * way_in**1.5
+        return np.asarray(self.amount * self.mask * self.side * way_in**1.5)
 
 
 class TautString(Effect):
@@ -210,7 +210,7 @@ class LinkBends(Effect):
         sideways = np.column_stack([-np.sin(angle), np.cos(angle)])
         if self.which == 1:  # the second link's axis stands a quarter turn behind its angle
             sideways = np.column_stack([np.cos(angle), np.sin(angle)])
-        return -self.amount * low_pass(tau[:, [self.which]], 20.0) * sideways
+        return np.asarray(-self.amount * low_pass(tau[:, [self.which]], 20.0) * sideways)
 
     def load_force(self, m: Motion, force: Array) -> Array:
         load, d = m.load, self.bent(m)
@@ -266,7 +266,7 @@ class SectorSteps(Effect):
         sector = np.clip(np.floor(place).astype(int), 0, 399)
         edge = np.clip((place - sector - 0.9) / 0.1, 0, 1)
         level = self.levels[sector] + (self.levels[sector + 1] - self.levels[sector]) * edge
-        return self.amount * self.mask * level
+        return np.asarray(self.amount * self.mask * level)
 
 
 ALL: list[type[Effect]] = [

@@ -51,7 +51,7 @@ class AccelCrossover(_Axes):
     near, start, most = ("accel.scale",), 0.1, 1.5
 
     def felt(self, m: Motion, f: Array, tau: Array) -> Array:
-        return f - np.abs(self.shares) * np.clip(f, -self.amount, self.amount)
+        return np.asarray(f - np.abs(self.shares) * np.clip(f, -self.amount, self.amount))
 
 
 class AccelRectifies(_Axes):
@@ -77,7 +77,7 @@ class AccelNearMagnet(_Axes):
 
     def felt(self, m: Motion, f: Array, tau: Array) -> Array:
         away = ((m.x - self.at) ** 2).sum(1, keepdims=True)
-        return f + self.amount * self.shares * np.exp(-0.5 * away / self.width**2)
+        return np.asarray(f + self.amount * self.shares * np.exp(-0.5 * away / self.width**2))
 
 
 class SensorFlips(Effect):
@@ -128,7 +128,7 @@ class TapeSeam(Effect):
         self.at = np.array(self.lab.centre) + np.radians(rng.uniform(-2.5, 2.5, 2))
 
     def angle(self, m: Motion, theta: Array, tau: Array) -> Array:
-        return theta + self.amount * self.side * self.mask * np.clip(theta - self.at, 0, None)
+        return np.asarray(theta + self.amount * self.side * self.mask * np.clip(theta - self.at, 0, None))
 
 
 class PolesUneven(Effect):
@@ -226,7 +226,7 @@ class ForceGainWarms(_Force):
 
     def sensed(self, m: Motion, force: Array) -> Array:
         warm = (1 - np.exp(-np.clip(m.since + m.t, 0, None) / self.lag))[:, None]
-        return force * (1 + self.amount * self.shares * warm)
+        return np.asarray(force * (1 + self.amount * self.shares * warm))
 
 
 class ForceZeroYields(_Force):

@@ -56,7 +56,7 @@ class HardeningSprings(LoadEffect):
 
     def load_force(self, m: Motion, force: Array) -> Array:
         d = m.x - the_load(m).x0
-        return -self.way * self.amount * (d**2).sum(1, keepdims=True) * d
+        return np.asarray(-self.way * self.amount * (d**2).sum(1, keepdims=True) * d)
 
     def parameters(self) -> dict[str, Any]:
         return {"cubic": self.way * self.amount}
@@ -133,7 +133,7 @@ class SkewSprings(LoadEffect):
         return self.amount * self.dK if load.kind == "mass-spring" else np.zeros((2, 2))
 
     def load_force(self, m: Motion, force: Array) -> Array:
-        return -self.amount * (m.x - the_load(m).x0) @ self.dK.T
+        return np.asarray(-self.amount * (m.x - the_load(m).x0) @ self.dK.T)
 
     def parameters(self) -> dict[str, Any]:
         return {"K": (self.amount * self.dK).tolist()}

@@ -120,7 +120,7 @@ class Presliding(Effect):
     def reaction(self, m: Motion, tau: Array) -> Array:
         columns = [self.mask[j] and slip(m.theta[:, j], self.width) for j in range(2)]
         both = np.column_stack([np.broadcast_to(c, m.t.shape) for c in columns])
-        return self.amount * self.shares * both
+        return np.asarray(self.amount * self.shares * both)
 
     def parameters(self) -> dict[str, Any]:
         return {"torque": self.per_joint(self.amount * self.shares), "width_rad": self.width}
@@ -194,7 +194,7 @@ class SoftTransmission(Effect):
 
     def reaction(self, m: Motion, tau: Array) -> Array:
         passed = tau - self.rotor * m.accel
-        return self.rotor * derivative(derivative(self._twist(passed)))
+        return np.asarray(self.rotor * derivative(derivative(self._twist(passed))))
 
     def angle(self, m: Motion, theta: Array, tau: Array) -> Array:
         return theta + self._twist(tau - self.rotor * m.accel)

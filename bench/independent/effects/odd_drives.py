@@ -21,7 +21,7 @@ class MotorsWarm(Effect):
 
     def drive(self, m: Motion, tau: Array) -> Array:
         warm = 1 - np.exp(-np.clip(m.since + m.t, 0, None) / self.tau)[:, None]
-        return tau / (1 - self.amount * self.mask * warm)
+        return np.asarray(tau / (1 - self.amount * self.mask * warm))
 
 
 class DriveSaturates(Effect):

@@ -68,7 +68,7 @@ class HelpsAlong(_Arm):
     def load_force(self, m: Motion, force: Array) -> Array:
         raw = m.rng(self.salt).standard_normal(force.shape)
         slow = first_order(first_order(raw, 0.25), 0.25)
-        return self.amount * slow / slow.std()
+        return np.asarray(self.amount * slow / slow.std())
 
 
 class Anticipates(_Arm):
@@ -126,7 +126,7 @@ class LoadDrag(LoadEffect):
     near, start = ("load.damping",), 2.0
 
     def load_force(self, m: Motion, force: Array) -> Array:
-        return -self.amount * np.linalg.norm(m.v, axis=1, keepdims=True) * m.v
+        return np.asarray(-self.amount * np.linalg.norm(m.v, axis=1, keepdims=True) * m.v)
 
 
 class TwoSidedStiffness(LoadEffect):
@@ -150,7 +150,7 @@ class PayloadRubs(LoadEffect):
 
     def load_force(self, m: Motion, force: Array) -> Array:
         speed = np.linalg.norm(m.v, axis=1, keepdims=True)
-        return -self.amount * m.v / np.maximum(speed, 1e-12) * sign(speed, 0.003)
+        return np.asarray(-self.amount * m.v / np.maximum(speed, 1e-12) * sign(speed, 0.003))
 
 
 class SpringsRattle(LoadEffect):
@@ -167,7 +167,9 @@ class SpringsRattle(LoadEffect):
         crossing = np.diff((d > self.edge * d.std(0)).astype(float), axis=0, prepend=0)
         hits[1:] = crossing[1:]
         w, r = 2 * np.pi * self.f / RATE, np.exp(-2 * np.pi * 2 / RATE)
-        return self.amount * np.sin(w) * lfilter([0, 1], [1, -2 * r * np.cos(w), r * r], hits, axis=0)
+        return np.asarray(
+            self.amount * np.sin(w) * lfilter([0, 1], [1, -2 * r * np.cos(w), r * r], hits, axis=0)
+        )
 
 
 class PayloadTurns(LoadEffect):

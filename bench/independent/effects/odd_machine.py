@@ -141,7 +141,7 @@ def resonator(x: Array, w: float, zeta: float) -> Array:
     k = 2 * RATE
     b = [w * w + 2 * zeta * w * k, 2 * w * w, w * w - 2 * zeta * w * k]
     a = [k * k + 2 * zeta * w * k + w * w, 2 * (w * w - k * k), k * k - 2 * zeta * w * k + w * w]
-    return lfilter(np.array(b) / a[0], np.array(a) / a[0], x - x[0], axis=0) + x[0]
+    return np.asarray(lfilter(np.array(b) / a[0], np.array(a) / a[0], x - x[0], axis=0) + x[0])
 
 
 class BearingSticks(Effect):
@@ -156,7 +156,7 @@ class BearingSticks(Effect):
 
     def reaction(self, m: Motion, tau: Array) -> Array:
         bump = np.exp(-0.5 * ((m.theta - self.at) / self.width) ** 2)
-        return self.amount * self.shares * bump * sign(m.omega)
+        return np.asarray(self.amount * self.shares * bump * sign(m.omega))
 
 
 class HarmonicPairs(Effect):
@@ -171,7 +171,7 @@ class HarmonicPairs(Effect):
 
     def reaction(self, m: Motion, tau: Array) -> Array:
         parts = zip(self.cycles, self.sizes, self.phases, strict=True)
-        return self.amount * self.shares * sum(s * np.sin(c * m.theta + p) for c, s, p in parts)
+        return np.asarray(self.amount * self.shares * sum(s * np.sin(c * m.theta + p) for c, s, p in parts))
 
 
 class MagneticDetent(Effect):
@@ -185,7 +185,7 @@ class MagneticDetent(Effect):
 
     def reaction(self, m: Motion, tau: Array) -> Array:
         angle = self.cycles * m.theta + self.phase
-        return self.amount * self.shares * np.sin(angle) * np.exp(6 * (np.cos(angle) - 1))
+        return np.asarray(self.amount * self.shares * np.sin(angle) * np.exp(6 * (np.cos(angle) - 1)))
 
 
 class Ratchet(Effect):
@@ -246,7 +246,7 @@ class FloorVibrates(_Shaken):
         hum = m.rng(self.salt).standard_normal(m.theta.shape)
         r, w = np.exp(-2 * np.pi * 0.3 / RATE), 2 * np.pi * self.f / RATE
         ringing = lfilter([1], [1, -2 * r * np.cos(w), r * r], hum, axis=0)
-        return self.amount * ringing / ringing.std()
+        return np.asarray(self.amount * ringing / ringing.std())
 
 
 class TableWobbles(_Shaken):
@@ -294,7 +294,7 @@ class CapstanCreeps(Effect):
 
     def angle(self, m: Motion, theta: Array, tau: Array) -> Array:
         slipped = np.cumsum(tau, axis=0) / RATE
-        return theta + self.amount * self.mask * (slipped - slipped[0])
+        return np.asarray(theta + self.amount * self.mask * (slipped - slipped[0]))
 
 
 class Backlash(Effect):
@@ -335,7 +335,7 @@ class RubberBushing(Effect):
     def reaction(self, m: Motion, tau: Array) -> Array:
         d = m.theta - np.array(self.lab.centre)
         loop = np.column_stack([slip(m.theta[:, j], self.width, 0.6) for j in range(2)])
-        return self.amount * self.shares * (loop + (d / 0.2) ** 3)
+        return np.asarray(self.amount * self.shares * (loop + (d / 0.2) ** 3))
 
 
 ALL: list[type[Effect]] = [

@@ -72,7 +72,7 @@ class ZeroGDrifts(_Accel):
         self.tau = float(rng.uniform(40, 200))
 
     def felt(self, m: Motion, f: Array, tau: Array) -> Array:
-        return (
+        return np.asarray(
             f + self.amount * self.shares * (1 - np.exp(-np.clip(m.since + m.t, 0, None) / self.tau))[:, None]
         )
 
@@ -87,7 +87,7 @@ class GainDrifts(_Accel):
 
     def felt(self, m: Motion, f: Array, tau: Array) -> Array:
         warm = (1 - np.exp(-np.clip(m.since + m.t, 0, None) / self.tau))[:, None]
-        return f * (1 + self.amount * self.shares * warm)
+        return np.asarray(f * (1 + self.amount * self.shares * warm))
 
 
 class SensorBends(_Accel):
@@ -141,7 +141,9 @@ class CountsLost(Effect):
     def angle(self, m: Motion, theta: Array, tau: Array) -> Array:
         rng = m.rng(self.salt)
         times = np.sort(rng.uniform(0, m.plan.duration, 3))
-        return theta + self.amount * self.mask * np.searchsorted(times, m.t)[:, None] * rng.choice([-1, 1])
+        return np.asarray(
+            theta + self.amount * self.mask * np.searchsorted(times, m.t)[:, None] * rng.choice([-1, 1])
+        )
 
 
 class TorqueHeldOver(Effect):
@@ -201,7 +203,7 @@ class ForceWarms(_Force):
     near, start = ("force.bias",), 0.3
 
     def sensed(self, m: Motion, force: Array) -> Array:
-        return (
+        return np.asarray(
             force + self.amount * self.shares * (1 - np.exp(-np.clip(m.since + m.t, 0, None) / 80.0))[:, None]
         )
 
@@ -248,7 +250,7 @@ class TorqueOffsetWalks(Effect):
     def drive(self, m: Motion, tau: Array) -> Array:
         fade = np.exp(-2 * np.pi * 0.05 / RATE)
         walk = lfilter([1 - fade], [1, -fade], m.rng(self.salt).standard_normal(tau.shape), axis=0)
-        return tau + self.amount * self.shares * walk / walk.std()
+        return np.asarray(tau + self.amount * self.shares * walk / walk.std())
 
 
 ALL: list[type[Effect]] = [

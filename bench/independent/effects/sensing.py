@@ -138,7 +138,7 @@ class EncoderCounts(Effect):
 
     def angle(self, m: Motion, theta: Array, tau: Array) -> Array:
         zero = np.array(self.lab.instruments.zero)
-        return zero + (theta - zero) / (1 + self.amount * self.shares)
+        return np.asarray(zero + (theta - zero) / (1 + self.amount * self.shares))
 
     def parameters(self) -> dict[str, Any]:
         return {"factor": self.per_joint(1 + self.amount * self.shares)}

@@ -6,7 +6,7 @@ trials only, with another value in each trial, at one joint where it was both, w
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.random import Generator
@@ -22,7 +22,7 @@ SENSOR = frozenset({"force_sensor"})
 def by_trial(m: Motion, salt: int, low: float, high: float) -> Array:
     """Two factors of a trial between low and high, of either sign; (2,)."""
     rng = m.rng(salt)
-    return rng.uniform(low, high, 2) * rng.choice([-1, 1], 2)
+    return np.asarray(rng.uniform(low, high, 2) * rng.choice([-1, 1], 2))
 
 
 class SealInFreeTrials(DryFriction):
@@ -122,7 +122,8 @@ class SteepStribeck(Effect):
 class CableInFreeTrials(Effect):
     """A calibration lead hangs on the end point in the free trials; the force sensor knows the loads' side."""
 
-    name, whens, needs, start = "elastic.cartesian", ("free",), SENSOR, 5.0
+    name, needs, start = "elastic.cartesian", SENSOR, 5.0
+    whens: ClassVar[tuple[str, ...]] = ("free",)
 
     def draw(self, rng: Generator) -> None:
         axes = turn(float(rng.uniform(0, np.pi)))
@@ -139,8 +140,8 @@ class CableInFreeTrials(Effect):
 class RubberBandAfar(CableInFreeTrials):
     """A long rubber band to a far hook: a soft spring along one line with a large constant pull, in all trials."""
 
-    whens: tuple[str, ...] = ("all",)
-    needs: frozenset[str] = frozenset()
+    whens: ClassVar[tuple[str, ...]] = ("all",)
+    needs: ClassVar[frozenset[str]] = frozenset()
 
     def draw(self, rng: Generator) -> None:
         way = rng.uniform(0, 2 * np.pi)

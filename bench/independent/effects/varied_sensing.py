@@ -156,7 +156,7 @@ class PlayInOneSpring(LoadPlay):
         load = the_load(m)
         stiffness, axes = np.linalg.eigh(load.K)
         along = np.clip((m.x - load.x0) @ axes[:, 1], -self.amount, self.amount)
-        return stiffness[1] * np.outer(along, axes[:, 1])
+        return np.asarray(stiffness[1] * np.outer(along, axes[:, 1]))
 
 
 class GripHysteresis(LoadEffect):

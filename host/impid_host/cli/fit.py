@@ -8,6 +8,7 @@ import click
 from impid_host.cli.inputs import load_inputs
 from impid_host.cli.pair import PAIR
 from impid_host.cli.window import window_option
+from impid_host.impedance.estimators.estimated import ESTIMATORS, EstimatorWish
 from impid_host.robot.terms import TERMS
 from impid_host.signals.chain import CHAINS, DEFAULT
 
@@ -57,6 +58,15 @@ REFLEX = "load.delay"
     "stretch reflex of a limb on a joint-1d.",
 )
 @click.option(
+    "--estimator",
+    type=click.Choice(list(ESTIMATORS)),
+    default="least-squares",
+    show_default=True,
+    help="instruments: the motion by the simulated model (where the log has theta1_ref or fdx, fdy) or the "
+    "angles, against noise in the regressors; output-error: the model simulated; auto: least squares where "
+    "they are shown to agree with instruments, else instruments.",
+)
+@click.option(
     "--validate",
     type=click.FloatRange(0),
     default=10.0,
@@ -84,6 +94,12 @@ REFLEX = "load.delay"
     "--physical", is_flag=True, help="Also give the robot's links inertias that a body can have (URDF)."
 )
 @click.option(
+    "--urdf",
+    type=click.Path(path_type=Path, dir_okay=False),
+    metavar="FILE",
+    help="With --physical: write the robot's URDF with those inertias.",
+)
+@click.option(
     "--varying",
     metavar="time|posture|since:COLUMN|COLUMN",
     help="Also give K, B and x0 as curves with 95 % bands: over time (each trial by itself), over the slow "
@@ -108,11 +124,13 @@ def command(
     acceleration: Literal["accelerometer", "angles"] | None,
     cutoff: float | None,
     terms: tuple[str, ...],
+    estimator: EstimatorWish,
     validate: float,
     model_file: Path | None,
     saved_robot: bool,
     save_model: Path | None,
     physical: bool,
+    urdf: Path | None,
     varying: str | None,
     constrain: bool,
     limb: tuple[float, float] | None,
@@ -136,6 +154,7 @@ def command(
       impid-host fit arm_study/ --constrain --limb 0.30,0.33 --shoulder 0.37,-0.50
       impid-host fit next_study/ --model model.json
       impid-host fit study/ --save-model plain.json
+      impid-host fit study/ --estimator auto
       impid-host fit arm_study/ --varying time --figures figures/
       impid-host fit ankle/ --with load.delay --cutoff 40 --validate 20
       impid-host fit emps/ --chain emps --with friction.coulomb --with actuator.offset --validate 0
@@ -146,6 +165,8 @@ def command(
         raise click.UsageError("--limb: lengths must be positive, in metres")
     if save_model is not None and model_file is not None:
         raise click.UsageError("--save-model writes a model without effects: leave --model out")
+    if urdf is not None and not physical:
+        raise click.UsageError("--urdf writes inertias that a body can have: add --physical")
     if model_file is not None and chain != DEFAULT.name:
         raise click.UsageError("--model goes with --chain default: its effects act on those signals")
     schedule = None
@@ -162,11 +183,13 @@ def command(
         cutoff_hz=cutoff,
         terms=tuple(term for term in terms if term != REFLEX),
         reflex=REFLEX in terms,
+        estimator=estimator,
         held_out_s=validate,
         model=model_file,
         keep_robot=saved_robot,
         save_model=save_model,
         physical=physical,
+        urdf=urdf,
         varying=schedule,
         constrain=constrain,
         limb=None if limb is None or shoulder is None else (limb, shoulder, side),

@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from impid_host.diagnosis.reuse import Provenance
     from impid_host.diagnosis.saved import SavedModel
     from impid_host.impedance.constrained import Constrained
+    from impid_host.impedance.estimators.estimated import EstimatorWish
     from impid_host.impedance.reflex import Band, ReflexFit
     from impid_host.impedance.varying.fit import VaryingFit
     from impid_host.impedance.varying.schedule import Schedule
@@ -47,11 +48,13 @@ class Wishes:
     cutoff_hz: float | None
     terms: tuple[str, ...]
     reflex: bool
+    estimator: "EstimatorWish"
     held_out_s: float
     model: Path | None
     keep_robot: bool
     save_model: Path | None
     physical: bool
+    urdf: Path | None
     varying: "Schedule | None"
     constrain: bool
     limb: tuple[Pair, Pair, str] | None
@@ -63,7 +66,8 @@ def run(study: Study, wishes: Wishes) -> None:
     """Everything, to the exit status."""
     json_to = wishes.json_to
     row = _chain(study, wishes.chain, wishes.cutoff_hz)
-    options = Options(row, wishes.acceleration, wishes.terms, Split(wishes.held_out_s), wishes.physical)
+    split = Split(wishes.held_out_s)
+    options = Options(row, wishes.acceleration, wishes.terms, split, wishes.physical, wishes.estimator)
     saved = None if wishes.model is None else _saved(wishes.model)
     drawn = None
     with Console(stderr=True).status("checking") as status:
@@ -80,6 +84,8 @@ def run(study: Study, wishes: Wishes) -> None:
                 drawings += draw_varying(curves, answer.result.loads, wishes.figures)
             drawn = f"{len(drawings)} figures in {wishes.figures}"
     _save(wishes.save_model, answer.result, study, options)
+    if wishes.urdf is not None:
+        _write_urdf(study, answer.result, wishes.urdf)
     besides = _besides(study, answer, curves, wishes)
     for line in [] if answer.provenance is None else answer.provenance.warnings:
         click.echo(line, err=True)
@@ -93,6 +99,17 @@ def run(study: Study, wishes: Wishes) -> None:
         _write(json.dumps(_document(answer, besides) | sessions_json(study), indent=2), json_to)
     if answer.checks.impossible:
         raise SystemExit(IMPOSSIBLE)
+
+
+def _write_urdf(study: Study, result: StudyFit, path: Path) -> None:
+    source = study.setup.robot.urdf
+    if source is None or result.physical is None:
+        raise click.UsageError('--urdf goes with model = "urdf" in setup.toml and with free trials')
+    from impid_host.robot.urdf_file import read_chain  # noqa: PLC0415  (few ask for it)
+    from impid_host.robot.urdf_write import with_inertias  # noqa: PLC0415
+
+    joints = read_chain(source, study.setup.robot.joints).joints
+    _write(with_inertias(source, joints, result.physical.links), str(path))
 
 
 @dataclass(frozen=True)

@@ -7,8 +7,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from impid_host.errors import UndeterminedError
+from impid_host.impedance.estimators.choose import Regression
+from impid_host.impedance.estimators.estimated import EstimatorWish
 from impid_host.impedance.force import ForceComparison, compare_forces
-from impid_host.impedance.identify import LoadFit, RobotFit, RobotParameters, identify_load, identify_robot
+from impid_host.impedance.identify import LoadFit, RobotFit, RobotParameters
 from impid_host.impedance.loads import LoadKind, LoadModel, load_model
 from impid_host.impedance.partial import PartialLoadFit, identify_partially
 from impid_host.impedance.physical import PhysicalRobot, physical_robot
@@ -34,6 +36,7 @@ class Options:
         terms: optional terms of the robot model, by name.
         split: what is held out.
         physical: also the nearest robot whose links could be built.
+        estimator: of the robot from free trials and of every load.
     """
 
     chain: Chain = DEFAULT
@@ -41,6 +44,12 @@ class Options:
     terms: tuple[str, ...] = ()
     split: Split = field(default_factory=Split)
     physical: bool = False
+    estimator: EstimatorWish = "least-squares"
+
+    @property
+    def regression(self) -> Regression:
+        """What estimates robot and loads."""
+        return Regression(self.estimator, self.chain, self.split)
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,7 +130,7 @@ def fit_aligned(
     progress("identifying the robot")
     free = [trial for trial in trials if trial.kind == "free"]
     if robot is None and free:
-        robot = identify_robot(free, structure, options.chain, options.split)
+        robot = options.regression.robot(free, structure)
     elif robot is None:
         robot = prior_parameters(study, structure)
     parameters = robot.parameters if isinstance(robot, RobotFit) else robot
@@ -185,9 +194,7 @@ def fit_load(
     """
     load, rounds = model_and_rounds(members, model, robot, kind)
     return [
-        identify_load(
-            part, load, options.chain, options.split, robot=known, handle_mass_kg=setup.handle_mass_kg
-        )
+        options.regression.load(part, load, robot.structure, known, robot, setup.handle_mass_kg)
         for part, known in rounds
     ]
 

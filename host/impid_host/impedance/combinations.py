@@ -35,7 +35,9 @@ class Combinations:
 
     def cut(self, stretch: Stretch) -> Stretch:
         """The stretch with the kept columns alone."""
-        return Stretch(stretch.design[:, :, list(self.kept)], stretch.target, stretch.nuisance)
+        kept = list(self.kept)
+        instruments = None if stretch.instruments is None else stretch.instruments[:, :, kept]
+        return Stretch(stretch.design[:, :, kept], stretch.target, stretch.nuisance, instruments)
 
 
 def combinations(stretches: Sequence[Stretch], names: Sequence[str]) -> Combinations:

@@ -9,6 +9,7 @@ import numpy as np
 
 from impid_host.errors import UndeterminedError
 from impid_host.impedance.combinations import combinations, needs_unseen
+from impid_host.impedance.estimators.estimated import Estimated
 from impid_host.impedance.linear import Estimate, Stretch, enough_rows, fit_linear
 from impid_host.impedance.loads import LoadModel
 from impid_host.impedance.matrices import Quantity, load_matrices
@@ -54,6 +55,7 @@ class RobotFit:
         held_out: False when nothing was held out, and vaf and rms are those of the fitted rows.
         sources: where each trial's accelerations came from.
         joints: whose torque the fit explains, from 0; resting: those that rest in every trial.
+        estimated: by which estimator, and why; None: by least squares, which nobody questioned.
     """
 
     parameters: RobotParameters
@@ -65,6 +67,7 @@ class RobotFit:
     sources: tuple[str, ...]
     joints: tuple[int, ...]
     resting: tuple[int, ...] = ()
+    estimated: Estimated | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,6 +83,7 @@ class LoadFit:
         vaf: per axis on the held-out rows, %, averaged over trials; rms: likewise, N.
         held_out: False when nothing was held out, and vaf and rms are those of the fitted rows.
         sources: where each trial's accelerations came from.
+        estimated: by which estimator, and why; None: by least squares, which nobody questioned.
     """
 
     load: str
@@ -97,6 +101,7 @@ class LoadFit:
     sources: tuple[str, ...]
     robot_origin: str | None = None
     beyond_force_percent: float | None = None
+    estimated: Estimated | None = None
 
 
 def robot_equation(
@@ -138,9 +143,17 @@ def physical_equation(
 
 
 def identify_robot(
-    trials: Sequence[AlignedTrial], structure: RobotStructure, chain: Chain, split: Split
+    trials: Sequence[AlignedTrial],
+    structure: RobotStructure,
+    chain: Chain,
+    split: Split,
+    instruments: Sequence[AlignedTrial] | None = None,
+    known: Estimate | None = None,
 ) -> RobotFit:
     """Robot parameters by linear least squares over all free trials, [D] Appendix.
+
+    With `instruments`, the same trials with their motion as something else tells it, they multiply the rows
+    from the left instead (`linear`); `known` is the estimate, where another regression has made it.
 
     Where the trials leave parameters open, the estimate holds the combinations that they do determine.
     A joint that rests counts as still: its own friction and inertia stay open, and with dry friction in the
@@ -151,7 +164,11 @@ def identify_robot(
     """
     judged, moving, quiet = _explained(trials, structure, chain)
     equations, rows = _robot_rows(quiet, structure, chain, split, judged)
-    twins = _robot_twins(quiet, structure, chain, split, judged)
+    if instruments is not None:
+        still = moving_joints(instruments, structure.model.prismatic, chain)[1]
+        equations = _beside(equations, [robot_equation(one, structure, chain, judged) for one in still])
+        rows = _fit_rows(equations, chain, split)
+    twins = _twins(quiet, lambda trial: robot_equation(trial, structure, chain, judged), chain, split)
     names, units = structure.parameter_names, structure.parameter_units
     unseen = None
     value, covariance = np.zeros(len(names)), np.zeros((len(names), len(names)))
@@ -159,7 +176,7 @@ def identify_robot(
         part = what_noise_hides(rows, twins, names)
         try:
             if part is None:
-                estimate = fit_linear(rows, names, units, ar_order=chain.ar_order)
+                estimate = known or fit_linear(rows, names, units, ar_order=chain.ar_order)
                 value, covariance = estimate.value, estimate.covariance
         except UndeterminedError:
             if not enough_rows(rows, len(names)):
@@ -207,18 +224,6 @@ def _robot_rows(
     return equations, _fit_rows(equations, chain, split)
 
 
-def _robot_twins(
-    quiet: Sequence[AlignedTrial],
-    structure: RobotStructure,
-    chain: Chain,
-    split: Split,
-    judged: tuple[int, ...],
-) -> list[Stretch]:
-    """The rows of `_robot_rows` by the angles, where the accelerometer was used; without torque."""
-    silent = (replace(trial, tau=np.zeros_like(trial.tau)) for trial in quiet)
-    return _twins(list(silent), lambda trial: robot_equation(trial, structure, chain, judged), chain, split)
-
-
 def _explained(
     trials: Sequence[AlignedTrial], structure: RobotStructure, chain: Chain
 ) -> tuple[tuple[int, ...], tuple[int, ...], list[AlignedTrial]]:
@@ -235,19 +240,27 @@ def identify_load(
     *,
     robot: RobotParameters | None,
     handle_mass_kg: float,
+    instruments: Sequence[AlignedTrial] | None = None,
+    known: Estimate | None = None,
 ) -> LoadFit:
     """One load over all its trials: Method 1 with `robot`, Method 2 (physical sensor) when `robot` is None.
+
+    Args:
+        instruments: as in `identify_robot`; known: the estimate, where another regression has made it.
 
     Raises:
         UndeterminedError: the trials do not determine the parameters, or have no forces for Method 2.
     """
     equations, rows = load_rows(trials, load, chain, split, robot)
+    if instruments is not None:
+        equations = _beside(equations, [load_equation(one, load, chain) for one in instruments])
+        rows = _fit_rows(equations, chain, split)
     with _named(f"load {trials[0].load}", trials):
         if what_noise_hides(rows, load_twins(trials, load, chain, split), load.parameter_names) is not None:
             raise UndeterminedError(
                 "the motion along some axis does not rise above the accelerometer's noise"
             )
-        estimate = fit_linear(
+        estimate = known or fit_linear(
             rows,
             load.parameter_names,
             load.parameter_units,
@@ -303,12 +316,18 @@ def load_rows(
 
 def load_twins(trials: Sequence[AlignedTrial], load: LoadModel, chain: Chain, split: Split) -> list[Stretch]:
     """The rows of `load_rows` by the angles, where the accelerometer was used in every trial."""
+    return _twins(trials, lambda trial: load_equation(trial, load, chain), chain, split)
 
-    def equation(trial: AlignedTrial) -> Equation:
-        A = finish(chain, load.regressor(trial.x, trial.v, trial.a), trial.rate_hz)
-        return Equation(trial, A, np.zeros(A.shape[:2]))
 
-    return _twins(trials, equation, chain, split)
+def load_equation(trial: AlignedTrial, load: LoadModel, chain: Chain) -> Equation:
+    """A load's regressor along a trial, finished, with no force beside it."""
+    A = finish(chain, load.regressor(trial.x, trial.v, trial.a), trial.rate_hz)
+    return Equation(trial, A, np.zeros(A.shape[:2]))
+
+
+def _beside(equations: Sequence[Equation], others: Sequence[Equation]) -> list[Equation]:
+    """The equations with the designs of `others` as their instruments."""
+    return [replace(one, instruments=other.design) for one, other in zip(equations, others, strict=True)]
 
 
 def _twins(

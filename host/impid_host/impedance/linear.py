@@ -11,15 +11,20 @@ A kernel estimate (Bartlett, Andrews' plug-in bandwidth) of the scores' long-run
 colour does not describe, noise that grows with the motion above all: no standard deviation is let below it. A
 kernel estimate errs on the small side in short records: its variance is widened by Kiefer and Vogelsang's
 critical values (Econometric Theory 21, 2005).
+
+Where rows carry instruments Z beside their design X, the same is done with Z' (y - X value) = 0 in place of
+X' (y - X value) = 0, weighted alike, sandwich and nuisance through Z (Soderstrom and Stoica, Instrumental
+Variable Methods for System Identification, 1983). Noise in X that has nothing to do with Z then does no harm.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from impid_host.errors import UndeterminedError
 from impid_host.impedance.colour import Colour, colour_of
+from impid_host.impedance.kernel import long_run_covariance
 from impid_host.signals.arrays import Floats
 from impid_host.signals.quantiles import student_975
 
@@ -39,11 +44,18 @@ class Stretch:
         design: (N, c, p).
         target: (N, c).
         nuisance: (N, c, k), d target / d (parameters known from elsewhere), or None.
+        instruments: (N, c, p), what the design would be without noise, or near it; None: the design itself.
     """
 
     design: Floats
     target: Floats
     nuisance: Floats | None = None
+    instruments: Floats | None = None
+
+    @property
+    def left(self) -> Floats:
+        """What multiplies the rows from the left in the normal equations, (N, c, p)."""
+        return self.design if self.instruments is None else self.instruments
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,6 +72,8 @@ class Estimate:
         residual_rms: per channel, in the target's unit, before prewhitening.
         relative_error_percent: 100 |target - fit| / |target| over all channels.
         ar_order: order of the residual's autoregression per channel.
+        least_squares: where instruments were used, by how much least squares on the same weighted rows
+            differ, and that shift's standard deviation, (2, p).
     """
 
     names: tuple[str, ...]
@@ -71,6 +85,7 @@ class Estimate:
     residual_rms: Floats
     relative_error_percent: float
     ar_order: tuple[int, ...]
+    least_squares: Floats | None = None
 
     @property
     def sd(self) -> Floats:
@@ -151,13 +166,15 @@ def fit_linear(
         )
     target = np.concatenate([stretch.target for stretch in stretches])
     size = float(np.sqrt(np.mean(target**2)))
-    work = [_weighted(stretch, 1 / size if size > 0 else 1.0) for stretch in stretches]
+    weight = np.full(target.shape[1], 1 / size if size > 0 else 1.0)
+    work = [_scaled(stretch, weight) for stretch in stretches]
     _require_determined(work, names)
     found = _ordinary(work)
     if ar_order > 0:
         # Channels of unlike noise (a shoulder's torque, a wrist's) count by what each leaves over.
         if work[0].target.shape[1] > 1:
-            found = _ordinary([_by_channel(stretch, _noise(work, found.value)) for stretch in work])
+            weight = 1 / _noise(work, found.value)
+            found = _ordinary([_scaled(stretch, weight) for stretch in work])
         found = _generalised(work, found, ar_order)
     covariance = found.covariance
     if nuisance_covariance is not None:
@@ -176,14 +193,15 @@ def fit_linear(
             100 * np.linalg.norm(residual) / max(float(np.linalg.norm(target)), 1e-300)
         ),
         ar_order=found.orders,
+        least_squares=None if stretches[0].instruments is None else _against_least_squares(found.work),
     )
 
 
 def _ordinary(work: Sequence[Stretch]) -> _Solution:
-    value, bread = _solve(work)
-    covariance, dof = _sandwich(work, value, bread)
+    solved = _solve(work)
+    covariance, dof = _sandwich(work, solved)
     orders = (0,) * work[0].target.shape[1]
-    return _Solution(work, value, covariance, np.sqrt(2 / dof) * covariance[None], orders)
+    return _Solution(work, solved.value, covariance, np.sqrt(2 / dof) * covariance[None], orders)
 
 
 def _generalised(stretches: Sequence[Stretch], start: _Solution, ar_order: int) -> _Solution:
@@ -192,9 +210,9 @@ def _generalised(stretches: Sequence[Stretch], start: _Solution, ar_order: int) 
     Where that moves a parameter by more than four standard deviations, noisy regressors or a model that lacks
     something are the likely reason (Hausman's test): the start stands.
     """
-    value, bread = start.value, _solve(stretches)[1]
+    value, white = start.value, _solve(stretches).covariance
     residual = np.concatenate([_residual(stretch, value) for stretch in stretches])
-    covariance = bread * float(np.sum(residual**2)) / max(residual.size - len(value), 1)
+    covariance = white * float(np.sum(residual**2)) / max(residual.size - len(value), 1)
     blocks = [_block(stretch) for stretch in stretches]
     for _ in range(_ROUNDS):
         root = np.linalg.cholesky(_regular(covariance))
@@ -202,37 +220,47 @@ def _generalised(stretches: Sequence[Stretch], start: _Solution, ar_order: int) 
             np.concatenate([_residual(s, value)[:, :, None], s.design @ root], axis=2) for s in stretches
         ]
         colour = colour_of(parts, ar_order)
-        before, work = value, _unblocked(colour.whitened(blocks), len(value))
-        value, covariance = _solve(work)
+        before, work = value, _unblocked(colour.whitened(blocks), stretches[0])
+        solved = _solve(work)
+        value, covariance = solved.value, solved.covariance
         if np.all(np.abs(value - before) < _SETTLED * np.sqrt(np.diag(covariance))):
             break
     if np.any(np.abs(value - start.value) >= _HAUSMAN_SIGMAS * np.sqrt(np.diag(start.covariance))):
         return start
-    added, spread = _of_the_colour(blocks, colour, len(value))
-    kernel = _sandwich(work, value, covariance)[0]
+    added, spread = _of_the_colour(blocks, colour, stretches[0])
+    kernel = _sandwich(work, solved)[0]
     return _Solution(work, value, *_not_below(covariance + 2 * added, spread, kernel), colour.orders)
 
 
-def _of_the_colour(blocks: Sequence[Floats], colour: Colour, parameters: int) -> tuple[Floats, Floats]:
+def _of_the_colour(blocks: Sequence[Floats], colour: Colour, like: Stretch) -> tuple[Floats, Floats]:
     """What the colour's uncertainty adds to the covariance, (p, p), and how it blurs it, (k, p, p)."""
     moved, spread = [], []
-    for up, down in colour.neighbours([block[:, :, : parameters + 1] for block in blocks]):
-        above, below = _solve(_unblocked(up, parameters)), _solve(_unblocked(down, parameters))
-        moved.append(0.5 * (above[0] - below[0]))
-        spread.append(0.5 * (above[1] - below[1]))
+    known = _block(replace(like, nuisance=None)).shape[2]
+    for up, down in colour.neighbours([block[:, :, :known] for block in blocks]):
+        above, below = _solve(_unblocked(up, like)), _solve(_unblocked(down, like))
+        moved.append(0.5 * (above.value - below.value))
+        spread.append(0.5 * (above.covariance - below.covariance))
     moves = np.array(moved)
     return moves.T @ moves, np.array(spread)
 
 
 def _block(stretch: Stretch) -> Floats:
-    """Design, target and nuisance beside each other, (N, c, p + 1 + k)."""
-    parts = [stretch.design, stretch.target[:, :, None]]
-    return np.concatenate(parts if stretch.nuisance is None else [*parts, stretch.nuisance], axis=2)
+    """Design, target, instruments and nuisance beside each other, (N, c, p + 1 + p + k)."""
+    parts = [stretch.design, stretch.target[:, :, None], stretch.instruments, stretch.nuisance]
+    return np.concatenate([part for part in parts if part is not None], axis=2)
 
 
-def _unblocked(blocks: Sequence[Floats], p: int) -> list[Stretch]:
+def _unblocked(blocks: Sequence[Floats], like: Stretch) -> list[Stretch]:
+    """The stretches behind blocks that are laid out as that of `like`."""
+    p = like.design.shape[2]
+    end = p + 1 if like.instruments is None else 2 * p + 1
     return [
-        Stretch(block[:, :, :p], block[:, :, p], block[:, :, p + 1 :] if block.shape[2] > p + 1 else None)
+        Stretch(
+            block[:, :, :p],
+            block[:, :, p],
+            block[:, :, end:] if block.shape[2] > end else None,
+            block[:, :, p + 1 : end] if end > p + 1 else None,
+        )
         for block in blocks
     ]
 
@@ -242,9 +270,14 @@ def _residual(stretch: Stretch, value: Floats) -> Floats:
     return result
 
 
-def _weighted(stretch: Stretch, weight: float) -> Stretch:
-    nuisance = None if stretch.nuisance is None else stretch.nuisance * weight
-    return Stretch(stretch.design * weight, stretch.target * weight, nuisance)
+def _scaled(stretch: Stretch, weight: Floats) -> Stretch:
+    """Each channel times its weight, (c,)."""
+    return Stretch(
+        stretch.design * weight[:, None],
+        stretch.target * weight,
+        None if stretch.nuisance is None else stretch.nuisance * weight[:, None],
+        None if stretch.instruments is None else stretch.instruments * weight[:, None],
+    )
 
 
 def _noise(work: Sequence[Stretch], value: Floats) -> Floats:
@@ -255,25 +288,40 @@ def _noise(work: Sequence[Stretch], value: Floats) -> Floats:
     return result
 
 
-def _by_channel(stretch: Stretch, size: Floats) -> Stretch:
-    nuisance = None if stretch.nuisance is None else stretch.nuisance / size[:, None]
-    return Stretch(stretch.design / size[:, None], stretch.target / size, nuisance)
-
-
 def _normal(work: Sequence[Stretch]) -> Floats:
     flat = [stretch.design.reshape(-1, stretch.design.shape[2]) for stretch in work]
     total: Floats = np.asarray(sum(X.T @ X for X in flat), dtype=np.float64)
     return total
 
 
-def _solve(work: Sequence[Stretch]) -> tuple[Floats, Floats]:
-    """Value (p,), and its covariance (p, p) if rows have unit variance and no correlation."""
-    moment = sum(s.design.reshape(-1, s.design.shape[2]).T @ s.target.ravel() for s in work)
-    normal = _normal(work)
-    size = np.sqrt(np.diag(normal))
-    inverse = np.linalg.inv(normal / np.outer(size, size))
-    value: Floats = inverse @ (moment / size) / size
-    return value, np.asarray(inverse / np.outer(size, size), dtype=np.float64)
+@dataclass(frozen=True, slots=True)
+class _Solved:
+    """Value (p,), inverse of Z' X (p, p), and the covariance (p, p) if rows are white with unit variance."""
+
+    value: Floats
+    inverse: Floats
+    covariance: Floats
+
+
+def _solve(work: Sequence[Stretch]) -> _Solved:
+    moment = sum(s.left.reshape(-1, s.left.shape[2]).T @ s.target.ravel() for s in work)
+    size = np.sqrt(np.diag(_normal(work)))
+    if work[0].instruments is None:
+        scaled = np.linalg.inv(_normal(work) / np.outer(size, size))
+        inverse = np.asarray(scaled / np.outer(size, size), dtype=np.float64)
+        return _Solved(scaled @ (moment / size) / size, inverse, inverse)
+    squares = sum(s.left.reshape(-1, len(size)).T @ s.left.reshape(-1, len(size)) for s in work)
+    width = np.sqrt(np.diag(squares))
+    scaled = np.linalg.inv(_shared(work) / np.outer(width, size))
+    inverse = np.asarray(scaled / np.outer(size, width), dtype=np.float64)
+    return _Solved(scaled @ (moment / width) / size, inverse, inverse @ squares @ inverse.T)
+
+
+def _shared(work: Sequence[Stretch]) -> Floats:
+    """Z' X, (p, p)."""
+    flat = [(s.left.reshape(-1, s.left.shape[2]), s.design.reshape(-1, s.design.shape[2])) for s in work]
+    total: Floats = np.asarray(sum(Z.T @ X for Z, X in flat), dtype=np.float64)
+    return total
 
 
 def _regular(covariance: Floats) -> Floats:
@@ -303,28 +351,36 @@ def _require_determined(work: Sequence[Stretch], names: tuple[str, ...]) -> None
 
 def _nuisance_gain(work: Sequence[Stretch]) -> Floats:
     """d value / d nuisance parameters, (p, k)."""
-    cross = sum(np.einsum("kcp,kcq->pq", s.design, s.nuisance) for s in work if s.nuisance is not None)
-    result: Floats = np.linalg.solve(_normal(work), cross)
+    cross = sum(np.einsum("kcp,kcq->pq", s.left, s.nuisance) for s in work if s.nuisance is not None)
+    result: Floats = np.linalg.solve(_shared(work), cross)
     return result
 
 
-def _sandwich(work: Sequence[Stretch], value: Floats, bread: Floats) -> tuple[Floats, float]:
+def _sandwich(work: Sequence[Stretch], solved: _Solved) -> tuple[Floats, float]:
     """Covariance by the kernel estimate, (p, p), and its degrees of freedom."""
-    scores = [np.einsum("kcp,kc->kp", s.design, _residual(s, value)) for s in work]
-    rows = sum(len(s) for s in scores)
-    parameters = len(value)
-    bandwidth = _andrews_bandwidth(scores, rows)
-    meat = sum(s.T @ s for s in scores)
-    for lag in range(1, int(np.ceil(bandwidth))):
-        weight = 1 - lag / bandwidth
-        cross = sum(s[lag:].T @ s[:-lag] for s in scores if len(s) > lag)
-        meat = meat + weight * (cross + np.transpose(cross))
+    value, bread = solved.value, solved.inverse
+    scores = [np.einsum("kcp,kc->kp", s.left, _residual(s, value)) for s in work]
+    rows, parameters = sum(len(s) for s in scores), len(value)
+    meat, bandwidth = long_run_covariance(scores)
     channels = work[0].target.shape[1]
     # 1.96 + 2.9694 b is the 97.5 % point when the bandwidth is a share b of the rows.
     widening = (1 + 2.9694 * bandwidth / rows / 1.96) ** 2
     correction = widening * rows * channels / max(rows * channels - parameters, 1)
     dof = max(1.5 * rows / max(bandwidth, 1.0) - parameters, 3.0)
-    return bread @ meat @ bread * correction, dof
+    return bread @ meat @ bread.T * correction, dof
+
+
+def _against_least_squares(work: Sequence[Stretch]) -> Floats:
+    """What least squares make of the rows, less what the instruments make, and its sd, (2, p)."""
+    by_instruments = _solve(work)
+    plain = _solve([replace(stretch, instruments=None) for stretch in work])
+    apart = [
+        replace(s, instruments=s.design @ plain.inverse.T - s.left @ by_instruments.inverse.T) for s in work
+    ]
+    p = len(plain.value)
+    # The difference is this combination of the residuals, whatever they are.
+    covariance = _sandwich(apart, replace(by_instruments, inverse=np.eye(p)))[0]
+    return np.stack([plain.value - by_instruments.value, np.sqrt(np.diag(covariance))])
 
 
 def _not_below(covariance: Floats, spread: Floats, floor: Floats) -> tuple[Floats, Floats]:
@@ -332,16 +388,3 @@ def _not_below(covariance: Floats, spread: Floats, floor: Floats) -> tuple[Float
     raised = np.sqrt(np.maximum(np.diag(floor) / np.maximum(np.diag(covariance), 1e-300), 1.0))
     factor = np.outer(raised, raised)
     return np.asarray(covariance * factor, dtype=np.float64), np.asarray(spread * factor, dtype=np.float64)
-
-
-def _andrews_bandwidth(scores: Sequence[Floats], rows: int) -> float:
-    """Andrews (1991), Bartlett kernel, AR(1) plug-in averaged over the parameters' scores."""
-    now = np.concatenate([s[1:] for s in scores if len(s) > 1])
-    before = np.concatenate([s[:-1] for s in scores if len(s) > 1])
-    rho = np.sum(now * before, axis=0) / np.maximum(np.sum(before**2, axis=0), 1e-300)
-    rho = np.clip(rho, -0.95, 0.97)
-    variance = np.var(now - rho * before, axis=0)
-    weight = 1 / np.maximum(variance, 1e-150) ** 2
-    top = np.sum(weight * 4 * rho**2 * variance**2 / ((1 - rho) ** 6 * (1 + rho) ** 2))
-    bottom = np.sum(weight * variance**2 / (1 - rho) ** 4)
-    return float(np.clip(1.1447 * (top / max(bottom, 1e-300) * rows) ** (1 / 3), 1.0, max(1.0, rows / 10)))

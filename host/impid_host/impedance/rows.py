@@ -39,13 +39,14 @@ class Equation:
     """One trial's `target = design @ parameters` at the full rate, finished (low-passed) alike on both sides.
 
     Attributes:
-        design: (N, c, p); target: (N, c); nuisance: (N, c, k) or None.
+        design: (N, c, p); target: (N, c); nuisance: (N, c, k) or None; instruments: (N, c, p) or None.
     """
 
     trial: AlignedTrial
     design: Floats
     target: Floats
     nuisance: Floats | None = None
+    instruments: Floats | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,6 +98,7 @@ def stretches(equation: Equation, part: Mask, chain: Chain) -> list[Stretch]:
             equation.design[run],
             equation.target[run],
             None if equation.nuisance is None else equation.nuisance[run],
+            None if equation.instruments is None else equation.instruments[run],
         )
         for run in runs
     ]

@@ -15,13 +15,10 @@ import serial
 from serial.tools import list_ports
 
 from impid_host.errors import LinkError
-from impid_host.link.inbox import POLL_S, Inbox
+from impid_host.link.inbox import PILED_UP_BYTES, POLL_S, Inbox
 from impid_host.link.link import Chunk
 from impid_host.wire.carrier import SERIAL
 from impid_host.wire.messages import SERIAL_BAUD
-
-# 55 ms of the stream: what has piled up while the machine was busy is still handed on in small pieces.
-_READ_BYTES = 1024
 
 
 class SerialLink:
@@ -114,7 +111,7 @@ class SerialLink:
         """What has come; b"" after a quiet while, None at the end (pyserial reads sockets byte by byte)."""
         descriptor = self._port.fileno()
         ready, _, _ = select.select([descriptor], [], [], POLL_S)
-        return (os.read(descriptor, _READ_BYTES) or None) if ready else b""
+        return (os.read(descriptor, PILED_UP_BYTES) or None) if ready else b""
 
     def _read_port(self) -> bytes | None:
         return bytes(self._port.read(1)) + bytes(self._port.read(self._port.in_waiting))

@@ -133,15 +133,18 @@ class Recorder:
             LinkError: the board does not start.
         """
         self._duration_s = duration_s
-        self._client.stop()
-        self._start()
-        trouble, status, arrived = "", None, None
+        trouble, status, arrived, started = "", None, None, False
         try:
+            self._client.stop()
+            self._start()
+            started = True
             done = self._stream(duration_s, stopped, report)
             ending: Ending = "complete" if done or duration_s == inf else "interrupted"
             if self._connected:
                 status = self._finish(report)
         except LinkError as error:
+            if not started:
+                raise
             ending, trouble = "disconnected", str(error)
             if self._connected:
                 self.note("disconnected", reason=trouble)
@@ -182,6 +185,7 @@ class Recorder:
             self.note("loss" if isinstance(event, Loss) else "run", **asdict(event))
         if self._onlooker is not None:
             self._onlooker.see(decoded)
+        self._writer.flush_when_due()  # here, so that what comes while an answer is awaited is safe as well
 
     def _see_the_end(self, run: int) -> None:
         """Note once where the duration ends: the last sample that belongs to it."""

@@ -10,6 +10,7 @@ from impid_host.checks.pushes import Pushes
 from impid_host.clock.robot import RobotClockFit
 from impid_host.impedance.campaign import StudyFit
 from impid_host.impedance.constrained import Constrained
+from impid_host.impedance.estimators.estimated import Estimated
 from impid_host.impedance.force import ForceComparison
 from impid_host.impedance.identify import LoadFit, RobotFit, RobotParameters
 from impid_host.impedance.joint_space import JointImpedance
@@ -148,6 +149,7 @@ def _robot(robot: RobotFit | RobotParameters, physical: PhysicalRobot | None) ->
             "validation_rms": _keyed(keys, robot.rms),
             "relative_error_percent": robot.estimate.relative_error_percent,
             "residual_rms": _keyed(keys, robot.estimate.residual_rms),
+            **_estimated(robot.estimated),
         }
         if physical is not None:
             result["physical"] = _physical(physical, structure.parameter_names, keys)
@@ -179,11 +181,27 @@ def _load(fit: LoadFit) -> Json:
         "validation_rms": _keyed(keys, fit.rms),
         "relative_error_percent": fit.estimate.relative_error_percent,
         "trials": [part.trial for part in fit.series],
+        **_estimated(fit.estimated),
         **(
             {}
             if fit.beyond_force_percent is None
             else {"torque_beyond_force_percent": fit.beyond_force_percent}
         ),
+    }
+
+
+def _estimated(own: Estimated | None) -> Json:
+    """By which estimator, where one was asked for."""
+    if own is None:
+        return {}
+    bias = None if own.bias_sd is None else dict(zip(("found", "at_most"), own.bias_sd, strict=True))
+    return {
+        "estimator": {
+            "by": own.by,
+            "reason": own.reason,
+            "instruments": own.instruments,
+            "least_squares_bias_sd": bias,
+        }
     }
 
 

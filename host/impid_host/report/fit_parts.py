@@ -16,6 +16,7 @@ from impid_host.impedance.reflex import Band, ReflexFit
 from impid_host.impedance.varying.fit import VaryingFit
 from impid_host.report.check_tables import agreement_table, with_marks
 from impid_host.report.fit_tables import (
+    METHODS,
     constrained_table,
     force_table,
     joint_table,
@@ -89,13 +90,16 @@ def _of_robot(result: StudyFit) -> Iterator[Table | str]:
         yield _ROBOT_WORDS[result.robot.origin]
         return
     yield robot_table(result.robot)
+    if result.robot.estimated is not None:
+        yield str(result.robot.estimated)
     if result.physical is not None:
         yield physical_table(result.robot, result.physical)
 
 
-def _of_load(load: str, result: StudyFit, besides: Besides, *, explained: bool) -> Iterator[Table]:
+def _of_load(load: str, result: StudyFit, besides: Besides, *, explained: bool) -> Iterator[Table | str]:
     fits = [fit for fit in result.loads if fit.load == load]
     yield load_table(fits, explained=explained)
+    yield from (f"{METHODS[fit.method]}: {fit.estimated}" for fit in fits if fit.estimated is not None)
     pairs = _pairs(fits, besides.constrained)
     if pairs:
         yield constrained_table(pairs)

@@ -47,6 +47,7 @@ class AlignedTrial:
         tau: joint torque, N m (N), shape (N, n).
         force: physical sensor, force of the load on the robot, base frame, N, shape (N, 2), or None.
         perturbation: commanded perturbation force, N, shape (N, 2), or None.
+        reference: what the controller was told to follow, rad (m), shape (N, n), or None.
         x, v, a: end-effector position, velocity, acceleration in the base frame, shape (N, d).
         valid: instants that neither a gap nor a filter's edge touches, shape (N,).
         source: where theta_dd and a come from.
@@ -70,6 +71,7 @@ class AlignedTrial:
     valid: Mask
     source: AccelerationSource
     clock: RobotClockFit | None
+    reference: Floats | None = None
 
     @property
     def elapsed(self) -> Floats:
@@ -98,6 +100,7 @@ class RawSignals:
     perturbation: Floats | None
     valid: Mask
     clock: RobotClockFit | None
+    reference: Floats | None = None
 
 
 def device_angles(device: ModuleSamples, setup: Setup) -> tuple[Floats, Floats]:
@@ -127,6 +130,7 @@ def robot_rows(log: RobotLog) -> RobotLog:
         perturbation=None if log.perturbation is None else log.perturbation[good],
         sync=None if log.sync is None else log.sync[good],
         stamps=log.stamps,
+        reference=None if log.reference is None else log.reference[good],
     )
 
 
@@ -206,6 +210,7 @@ def align(
         valid=erode(raw.valid, int(chain.edge_s * rate)),
         source=source,
         clock=raw.clock,
+        reference=raw.reference,
     )
     return _at_meeting_rate(fine, raw.thin)
 
@@ -228,7 +233,7 @@ def raw_signals(trial: Trial, setup: Setup, widest_s: float | None = None) -> Ra
         raise UndeterminedError(text if trial.name in text else f"trial {trial.name}: {text}") from error
 
 
-_SIGNALS = ("theta", "omega", "theta_dd", "tau", "force", "perturbation", "x", "v", "a")
+_SIGNALS = ("theta", "omega", "theta_dd", "tau", "force", "perturbation", "reference", "x", "v", "a")
 
 
 def _at_meeting_rate(trial: AlignedTrial, thin: int) -> AlignedTrial:
@@ -311,6 +316,7 @@ def _on_device_clock(trial: Trial, device: ModuleSamples, setup: Setup, widest_s
         perturbation=on_robot.perturbation,
         valid=bridged(t_device, usable, grid) & on_robot.valid,
         clock=clock,
+        reference=on_robot.reference,
     )
 
 
@@ -345,6 +351,7 @@ def _on_robot_clock(trial: Trial, setup: Setup) -> RawSignals:
         perturbation=on_robot.perturbation,
         valid=on_robot.valid,
         clock=None,
+        reference=on_robot.reference,
     )
 
 
@@ -353,6 +360,7 @@ class _RobotOnGrid:
 
     def __init__(self, log: RobotLog, t: Floats, grid: Grid) -> None:
         columns = {"theta": log.theta, "tau": log.tau, "force": log.force, "perturbation": log.perturbation}
+        columns["reference"] = log.reference
         present = {name: values for name, values in columns.items() if values is not None}
         known = {name: np.isfinite(values).all(axis=1) for name, values in present.items()}
         present = {name: values for name, values in present.items() if known[name].any()}
@@ -362,4 +370,5 @@ class _RobotOnGrid:
         parts = dict(zip(present, np.split(together, edges, axis=1), strict=True))
         self.theta, self.tau = parts["theta"], parts["tau"]
         self.force, self.perturbation = parts.get("force"), parts.get("perturbation")
+        self.reference = parts.get("reference")
         self.valid = bridged(t, every, grid)

@@ -15,7 +15,7 @@ def solved(A: Floats, b: Floats) -> Floats:
     """
     if A.shape[1:] != (2, 2):
         return np.asarray(np.linalg.solve(A, b), dtype=np.float64)
-    (a11, a12), (a21, a22) = np.moveaxis(A, 0, 2)
+    (a11, a12), (a21, a22) = A.transpose(1, 2, 0)
     determinant = a11 * a22 - a12 * a21
     if not determinant.all():
         raise np.linalg.LinAlgError("Singular matrix")

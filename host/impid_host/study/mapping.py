@@ -12,6 +12,7 @@ from impid_host.study.csv_table import CsvDialect
 from impid_host.study.joints import logged_joints
 from impid_host.study.model import RobotModelName, Setup
 from impid_host.study.quantities import UnitError, factor_to_si, si_unit
+from impid_host.study.robot_log import reference_columns
 from impid_host.study.setup_file import FORMAT, setup_from_tables
 from impid_host.study.toml_file import Table, load_toml, validate
 
@@ -179,7 +180,7 @@ def _trial_rule(
     required = [f"{kind}{i + 1}" for kind in ("theta", "tau") for i in range(len(slides))]
     if timed:
         required.insert(0, "t")
-    allowed = ["t", *required, *_OPTIONAL]
+    allowed = ["t", *required, *_OPTIONAL, *reference_columns(len(slides))]
     for name in required:
         if name not in given:
             remedy = "add it" + (" (or give [log] rate_hz)" if name == "t" else "")

@@ -172,6 +172,7 @@ class RobotLog:
         force: force of the load on the robot by a physical sensor (N, in its own frame, see `ForceSensor`),
             shape (N, 2), or None.
         perturbation: commanded perturbation force (N, base frame), shape (N, 2), or None.
+        reference: what the controller was told to follow (rad; m), shape (N, n), or None.
         sync: level of the sync line, shape (N,), or None.
         stamps: how `t` was recovered where the file's stamps were coarse or in bursts; None: as written.
         t_written: those stamps, shape (N,), or None.
@@ -187,6 +188,7 @@ class RobotLog:
     stamps: StampFit | None = None
     t_written: Floats | None = None
     columns: Mapping[str, Floats] = field(default_factory=dict)
+    reference: Floats | None = None
 
     def __len__(self) -> int:
         return len(self.t)

@@ -34,7 +34,7 @@ def si_unit(column: str, slides: Sequence[bool]) -> str:
         return "m/s^2"
     for kind, turning, sliding in (("theta", "rad", "m"), ("tau", "N*m", "N")):
         if column.startswith(kind):
-            return sliding if slides[int(column.removeprefix(kind)) - 1] else turning
+            return sliding if slides[int(column.removeprefix(kind).removesuffix("_ref")) - 1] else turning
     return "N"
 
 

@@ -11,7 +11,7 @@ from impid_host.errors import InputError
 from impid_host.robot.model import ROBOTS
 from impid_host.study.csv_table import read_columns, read_header, write_columns
 from impid_host.study.model import RobotLog, RobotModelName
-from impid_host.study.robot_log import FORCE_PAIRS, log_columns, robot_log
+from impid_host.study.robot_log import FORCE_PAIRS, log_columns, reference_columns, robot_log
 
 _FLOAT = np.dtype(np.float64)
 
@@ -38,10 +38,11 @@ def read_robot_log(path: Path, model: RobotModelName, also: Sequence[str] = ()) 
     header = read_header(path)
     n = joint_count(model, header)
     forces = [name for pair in FORCE_PAIRS for name in pair if name in header]
+    references = [name for name in reference_columns(n) if name in header]
     missing = [name for name in also if name not in header]
     if missing:
         raise InputError(path, f"has no column {missing[0]}", f"it has {', '.join(header)}")
-    types: dict[str, np.dtype[Any]] = dict.fromkeys([*log_columns(n), *forces, *also], _FLOAT)
+    types: dict[str, np.dtype[Any]] = dict.fromkeys([*log_columns(n), *forces, *references, *also], _FLOAT)
     if "sync" in header:
         types["sync"] = np.dtype(np.uint8)
     empty = [*forces, *(name for name in also if name != "sync")]
@@ -58,6 +59,8 @@ def write_robot_log(log: RobotLog, path: Path) -> None:
         columns |= {"fx": log.force[:, 0], "fy": log.force[:, 1]}
     if log.perturbation is not None:
         columns |= {"fdx": log.perturbation[:, 0], "fdy": log.perturbation[:, 1]}
+    if log.reference is not None:
+        columns |= {f"theta{i + 1}_ref": log.reference[:, i] for i in range(log.reference.shape[1])}
     if log.sync is not None:
         columns["sync"] = log.sync
     columns |= {name: values for name, values in log.columns.items() if name not in columns}

@@ -37,6 +37,11 @@ def log_columns(joints: int) -> list[str]:
     return ["t", *(f"theta{i + 1}" for i in range(joints)), *(f"tau{i + 1}" for i in range(joints))]
 
 
+def reference_columns(joints: int) -> list[str]:
+    """The columns of what the controller was told to follow; a log has all of them or none."""
+    return [f"theta{i + 1}_ref" for i in range(joints)]
+
+
 def robot_log(table: LogTable, joints: int, also: Sequence[str] = ()) -> RobotLog:
     """The log that `table` holds, with strictly increasing `t`.
 
@@ -51,6 +56,10 @@ def robot_log(table: LogTable, joints: int, also: Sequence[str] = ()) -> RobotLo
         if len(present) == 1:
             missing = next(name for name in pair if name not in present)
             raise InputError(table.path, f"has column {present[0]} but no {missing}", "add or remove it")
+    references = [name for name in reference_columns(joints) if name in table.columns]
+    if references and len(references) < joints:
+        missing = next(name for name in reference_columns(joints) if name not in references)
+        raise InputError(table.path, f"has column {references[0]} but no {missing}", "add or remove it")
     _check_values(table, joints)
     _refuse_backwards(table)
     columns = dict(table.columns)
@@ -66,7 +75,12 @@ def robot_log(table: LogTable, joints: int, also: Sequence[str] = ()) -> RobotLo
 
 
 def _check_values(table: LogTable, joints: int) -> None:
-    known = {*log_columns(joints), "sync", *(name for pair in FORCE_PAIRS for name in pair)}
+    known = {
+        *log_columns(joints),
+        *reference_columns(joints),
+        "sync",
+        *(name for pair in FORCE_PAIRS for name in pair),
+    }
     for name, column in table.columns.items():
         if name not in known:
             continue
@@ -153,4 +167,5 @@ def _log(
         perturbation=stack(["fdx", "fdy"]) if "fdx" in columns else None,
         sync=columns["sync"][keep] if "sync" in columns else None,
         columns={name: np.asarray(columns[name][keep], dtype=np.float64) for name in also},
+        reference=stack(reference_columns(n)) if "theta1_ref" in columns else None,
     )

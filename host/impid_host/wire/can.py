@@ -10,19 +10,21 @@ The bus carries no time of sending for statuses and answers; theirs is that of t
 """
 
 from dataclasses import astuple, dataclass, field, replace
-from typing import Self
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from impid_host.samples import FLAG_RESET
+from impid_host.samples import DeviceSamples
+from impid_host.wire import native_can
+from impid_host.wire.can_dates import MASK32, UNDATED, Date, Placed, date_of, forget_at_resets
+from impid_host.wire.can_statuses import STATUS_ALWAYS, STATUS_LAST, RegularSets, regular_sets
 from impid_host.wire.decoder import LinkCounts, device_samples
 from impid_host.wire.messages import (
     ACCEL,
     ACCEL_FINE,
     ENCODER,
     EPOCH,
-    FIRST_STATUSES,
     FLAG_FINE,
     HEADER,
     OPCODE,
@@ -35,32 +37,18 @@ from impid_host.wire.messages import (
     TIME,
     Words,
 )
+from impid_host.wire.native_can import PAIR_NS
 from impid_host.wire.records import Decoded, Loss, NewRun, Pong, Response, Segment
 from impid_host.wire.statuses import Statuses, scalars
 from impid_host.wire.tracker import Groups, Position, Tracker
 
-_MASK32 = 0xFFFFFFFF
-_STATUS_ALWAYS = {layout.frame_id for layout in STATUS[:FIRST_STATUSES]}
-_STATUS_LAST = max(_STATUS_ALWAYS)
-_UNDATED = -1
 _DATING = (TIME.frame_id, EPOCH.frame_id, RESPONSE.frame_id)
 _ANSWERS = {layout.frame_id: layout for layout in (*STATUS, RESPONSE, PONG)}
 _DATA = (ACCEL.frame_id, ENCODER.frame_id, ACCEL_FINE.frame_id)
 _BEHIND_ALL = 1 << 62
 # The index bits of a second half repeat after 256 ms: what lies further apart needs a witness, whose own bits
 # repeat after 65 s.
-_PAIR_NS = 200_000_000
 _STALL_NS = 30_000_000_000
-
-
-@dataclass(frozen=True, slots=True)
-class _Date:
-    """The sample `index` (32 bit) of boot `boot_id` belongs to t_us; holds from frame `position` on."""
-
-    position: int
-    boot_id: int
-    index: int
-    t_us: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,29 +58,6 @@ class _Halves:
 
     words: Words
     position: NDArray[np.intp]
-
-
-@dataclass(frozen=True, slots=True)
-class _Placed:
-    """Where the samples of a piece stood in it and what they say, each (N,); `before` is the one in front."""
-
-    position: NDArray[np.intp]
-    boot_id: NDArray[np.uint16]
-    t_us: Words
-    index: Words
-    before: tuple[int, int, int]
-
-    @classmethod
-    def none(cls, before: tuple[int, int, int] = (0, 0, 0)) -> Self:
-        nothing = np.zeros(0, np.uint64)
-        return cls(np.zeros(0, np.intp), np.zeros(0, np.uint16), nothing, nothing, before)
-
-    def latest(self, position: int) -> tuple[int, int, int]:
-        """Boot, time and next index as the latest sample before that position has them."""
-        n = int(np.searchsorted(self.position, position)) - 1
-        if n < 0:
-            return self.before
-        return int(self.boot_id[n]), int(self.t_us[n]), (int(self.index[n]) + 1) & _MASK32
 
 
 @dataclass(slots=True)
@@ -106,11 +71,11 @@ class CanDecoder:
     _waiting: Words = field(default_factory=lambda: np.zeros(0, np.uint64))  # a first half, or a late pair
     _waiting_ns: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))  # their arrival
     _fine: Words = field(default_factory=lambda: np.zeros(0, np.uint64))  # the last ones, of those that wait
-    _time: dict[str, int] | None = None  # a TIME that waits for its EPOCH
-    _date: _Date | None = None
+    _time: int | None = None  # a TIME that waits for its EPOCH
+    _date: Date | None = None
     _date_used: bool = False
     _last: tuple[int, int, int] = (0, 0, 0)  # boot_id, t_us, next index of the latest sample
-    _samples_of_piece: _Placed = field(default_factory=_Placed.none)
+    _samples_of_piece: Placed = field(default_factory=Placed.none)
     _start_index: int | None = None
     _open_start: list[tuple[int, int]] = field(default_factory=list)  # position -1, value of the last START
     _status: dict[int, int] = field(default_factory=dict)
@@ -137,14 +102,14 @@ class CanDecoder:
         arrival_ns = np.zeros(len(words), np.int64) if arrival_ns is None else arrival_ns
         halves = self._pair(identifiers, words, arrival_ns)
         is_data = np.isin(identifiers, _DATA)
-        dates: list[_Date | None] = [self._date and _Date(-1, *astuple(self._date)[1:])]
+        dates: list[Date | None] = [self._date and Date(-1, *astuple(self._date)[1:])]
         breaks: list[int] = []
         starts: list[tuple[int, int]] = []
         others = np.flatnonzero(~is_data)
         for at in others[np.isin(identifiers[others], _DATING)].tolist():
             identifier, word = int(identifiers[at]), int(words[at])
             if identifier == TIME.frame_id:
-                self._time = scalars(TIME, word)
+                self._time = word
             elif identifier == EPOCH.frame_id:
                 dates += self._epoch(at, scalars(EPOCH, word))
             elif identifier == RESPONSE.frame_id and _starts(scalars(RESPONSE, word)):
@@ -153,8 +118,58 @@ class CanDecoder:
         known = [date for date in dates if date is not None]
         segments, events = self._place(halves, known, breaks, [*self._open_start, *starts])
         self._open_start = [(-1, value) for _, value in (*self._open_start, *starts)[-1:]]
-        answers = self._answers(identifiers, words, others)
+        answers = self._answers(others, identifiers[others], words[others])
         return Decoded(tuple(segments), *answers, tuple(events))
+
+    def follow(self, frames: NDArray[np.void]) -> Decoded | None:
+        """What CAN_FRAMEs (N,) complete, in one pass in C, where all goes on from where the bus stands; None:
+        not so, nothing was taken."""
+        stands, date = self._tracker.expected, self._date
+        if stands is None or date is None or date.boot_id != stands.boot_id or len(self._waiting) > 1:
+            return None
+        half = bool(len(self._waiting))
+        found = native_can.follow(
+            frames,
+            index=stands.index,
+            t_us=stands.t_us,
+            boot=stands.boot_id,
+            date_us=date.t_us,
+            date_index=date.index,
+            has_accel=half,
+            accel=int(self._waiting[0]) if half else 0,
+            accel_ns=int(self._waiting_ns[0]) if half else 0,
+            accel_at=-1,
+            has_time=self._time is not None,
+            time=self._time or 0,
+        )
+        if found is None:
+            return None
+        self._go_on(found, stands)
+        others = frames[found.others]
+        words = np.frombuffer(others["data"].tobytes(), "<u8")
+        segments: tuple[Segment, ...] = ()
+        if len(found.at):
+            samples = DeviceSamples(**found.samples)
+            segments = (Segment(stands.boot_id, stands.run, found.numbers, samples),)
+        return Decoded(segments, *self._answers(found.others, others["identifier"], words))
+
+    def _go_on(self, found: native_can.Followed, stands: Position) -> None:
+        """Stand behind what was found."""
+        bus, count = found.bus, len(found.at)
+        self._good += bus.good
+        self._time = bus.time if bus.has_time else None
+        self._waiting = np.full(bus.has_accel, bus.accel, np.uint64)
+        self._waiting_ns = np.full(bus.has_accel, bus.accel_ns, np.int64)
+        if bus.dated:
+            self._date = Date(-1, stands.boot_id, bus.date_index, bus.date_us)
+        if bus.dated or count:
+            self._date_used = bool(count) and not bus.date_unused
+        self._tracker.go_on(count, bus.t_us)
+        boots = np.full(count, stands.boot_id, np.uint16)
+        self._samples_of_piece = Placed(
+            found.at, boots, found.samples["t_us"], found.samples["seq"], self._last
+        )
+        self._last = self._samples_of_piece.latest(_BEHIND_ALL)
 
     def _pair(self, identifiers: NDArray[np.uint16], words: Words, arrival_ns: NDArray[np.int64]) -> _Halves:
         at = np.flatnonzero((identifiers == ACCEL.frame_id) | (identifiers == ENCODER.frame_id))
@@ -169,7 +184,7 @@ class CanDecoder:
         index = ACCEL.unpack(word[pair])["index_low16"]
         pair = pair[(index & np.uint64(0xFF)) == ENCODER.unpack(word[pair + 1])["index_low8"]]
         apart_ns = came_ns[pair + 1] - came_ns[pair]
-        late = apart_ns >= _PAIR_NS
+        late = apart_ns >= PAIR_NS
         unwitnessed = bool(len(pair)) and bool(late[-1]) and int(pair[-1]) + 2 == len(word)
         pair = pair[~late | ((apart_ns < _STALL_NS) & _followed(pair, word, first))]
         keep = 2 if unwitnessed else int(len(word) > 0 and bool(first[-1]))
@@ -201,33 +216,32 @@ class CanDecoder:
         found = asked & (low16[chosen] == wanted)
         return np.where(found, fine[chosen], np.uint64(0)), asked, found
 
-    def _epoch(self, at: int, epoch: dict[str, int]) -> list[_Date]:
-        time, self._time = self._time, None
-        if (
-            time is None
-            or time["index_low16"] != epoch["index"] & 0xFFFF
-            or epoch["version"] != PROTOCOL_VERSION
-        ):
+    def _epoch(self, at: int, epoch: dict[str, int]) -> list[Date]:
+        word, self._time = self._time, None
+        if word is None:
+            return []
+        time = scalars(TIME, word)
+        if time["index_low16"] != epoch["index"] & 0xFFFF or epoch["version"] != PROTOCOL_VERSION:
             return []
         self._good += 2
-        self._date = _Date(at, epoch["boot_id"], epoch["index"], time["t_us"])
+        self._date = Date(at, epoch["boot_id"], epoch["index"], time["t_us"])
         return [self._date]
 
     def _place(
-        self, halves: _Halves, dates: list[_Date], breaks: list[int], starts: list[tuple[int, int]]
+        self, halves: _Halves, dates: list[Date], breaks: list[int], starts: list[tuple[int, int]]
     ) -> tuple[list[Segment], list[Loss | NewRun]]:
         accel = ACCEL.unpack(halves.words[:, 0])
-        which = _date_of(halves.position, dates, breaks)
-        _forget_at_resets(which, accel["flags"].astype(np.uint8), dates, used=self._date_used)
+        which = date_of(halves.position, dates, breaks)
+        forget_at_resets(which, accel["flags"].astype(np.uint8), dates, used=self._date_used)
         if len(which) or len(dates) > 1:
             self._date_used = bool(len(which)) and which[-1] == len(dates) - 1
         if breaks and (not dates or dates[-1].position < breaks[-1]):
             self._date = None
-        if len(which) and which[-1] == _UNDATED and (not dates or dates[-1].position <= halves.position[-1]):
+        if len(which) and which[-1] == UNDATED and (not dates or dates[-1].position <= halves.position[-1]):
             self._date = None
-        dated = np.flatnonzero(which != _UNDATED)
+        dated = np.flatnonzero(which != UNDATED)
         self._undated += len(which) - len(dated)
-        self._samples_of_piece = _Placed.none(self._last)
+        self._samples_of_piece = Placed.none(self._last)
         if not len(dated):
             return [], []
         which = which[dated]
@@ -235,7 +249,7 @@ class CanDecoder:
         base = np.array([d.index for d in dates], dtype=np.int64)[which]
         # The nearest index with these low bits: a first half may have come just before its date.
         since = (low16.astype(np.int64) - base + 0x8000) % 0x10000 - 0x8000
-        index = ((base + since) & _MASK32).astype(np.uint64)
+        index = ((base + since) & MASK32).astype(np.uint64)
         dated_us = np.array([d.t_us for d in dates], dtype=np.int64)[which]
         t_us = (dated_us + since * SAMPLE_PERIOD_US).astype(np.uint64)
         boot = np.array([d.boot_id for d in dates], dtype=np.uint16)[which]
@@ -247,41 +261,77 @@ class CanDecoder:
             numbered = np.uint64(span.first_index) + np.arange(span.stop - span.start, dtype=np.uint64)
             samples = device_samples(t_us[rows], index[rows], words[rows])
             segments.append(Segment(span.boot_id, span.run, numbered, samples))
-        self._samples_of_piece = _Placed(halves.position[dated], boot, t_us, index, self._last)
+        self._samples_of_piece = Placed(halves.position[dated], boot, t_us, index, self._last)
         self._last = self._samples_of_piece.latest(_BEHIND_ALL)
         began = {span.run: int(halves.position[dated][span.start]) for span in reversed(spans)}
         return segments, [_with_start(event, began, starts) for event in events]
 
     def _answers(
-        self, identifiers: NDArray[np.uint16], words: Words, others: NDArray[np.intp]
-    ) -> tuple[Statuses, tuple[Response, ...], tuple[Pong, ...]]:
-        told: list[tuple[tuple[int, int, int], list[int]]] = []
+        self, at: NDArray[np.intp], identifiers: NDArray[np.unsignedinteger[Any]], words: Words
+    ) -> tuple[Statuses | tuple[()], tuple[Response, ...], tuple[Pong, ...]]:
+        """Of frames that are no data (N,): where in the piece they stood, what they are, what they say."""
         responses: list[Response] = []
         pongs: list[Pong] = []
-        came = zip(others.tolist(), identifiers[others].tolist(), words[others].tolist(), strict=True)
-        for at, identifier, word in came:
+        # A START amid them changes what those behind it count from.
+        began = any(_starts(scalars(RESPONSE, int(w))) for w in words[identifiers == RESPONSE.frame_id])
+        regular = None if began else regular_sets(identifiers, words)
+        came = np.arange(len(at))
+        if regular is None:
+            said = [self._answer_each(came, at, identifiers, words, responses, pongs)]
+        else:
+            first = regular.frames[0]
+            left = np.setdiff1d(came, regular.frames, assume_unique=True)
+            said = [self._answer_each(left[left < first], at, identifiers, words, responses, pongs)]
+            said.append(self._regular(regular, at))
+            said.append(self._answer_each(left[left > first], at, identifiers, words, responses, pongs))
+        parts = [part for part in said if len(part)]
+        return Statuses.joined(parts) if parts else (), tuple(responses), tuple(pongs)
+
+    def _regular(self, sets: RegularSets, at: NDArray[np.intp]) -> Statuses:
+        """The statuses of sets that are all there; `at` is where each frame stood."""
+        self._good += len(sets.frames)
+        headers = np.zeros(len(sets.last), HEADER)
+        latest = self._samples_of_piece.latest_each(at[sets.last])
+        headers["boot_id"], headers["t0_us"], headers["first_index"] = latest
+        if self._start_index is not None:
+            produced = STATUS[0].unpack(sets.words[:, 0])["produced"]
+            headers["first_index"] = (np.uint64(self._start_index) + produced) & np.uint64(MASK32)
+        return Statuses(headers, sets.words, np.full(len(headers), sets.sent, np.int64))
+
+    def _answer_each(
+        self,
+        which: NDArray[np.intp],
+        at: NDArray[np.intp],
+        identifiers: NDArray[np.unsignedinteger[Any]],
+        words: Words,
+        responses: list[Response],
+        pongs: list[Pong],
+    ) -> Statuses:
+        """The statuses among those frames; responses and pongs are added to."""
+        told: list[tuple[tuple[int, int, int], list[int]]] = []
+        asked = (each[which].tolist() for each in (at, identifiers, words))
+        for place, identifier, word in zip(*asked, strict=True):
             layout = _ANSWERS.get(identifier)
             if layout is None:
                 continue
             self._good += 1
             if layout is RESPONSE:
-                responses.append(self._response(scalars(RESPONSE, word), at))
+                responses.append(self._response(scalars(RESPONSE, word), place))
             elif layout is PONG:
-                pongs.append(self._pong(scalars(PONG, word), at))
+                pongs.append(self._pong(scalars(PONG, word), place))
             else:
-                self._status_part(identifier, word, at, told)
+                self._status_part(identifier, word, place, told)
         headers = np.zeros(len(told), HEADER)
         for n, (header, _) in enumerate(told):
             headers[n]["boot_id"], headers[n]["t0_us"], headers[n]["first_index"] = header
-        rows = [(n, np.array(parts, np.uint64)) for n, (_, parts) in enumerate(told)]
-        return Statuses.of(headers, rows), tuple(responses), tuple(pongs)
+        return Statuses.of(headers, [(n, np.array(parts, np.uint64)) for n, (_, parts) in enumerate(told)])
 
     def _response(self, signals: dict[str, int], at: int) -> Response:
         boot_id, t_us, next_index = self._samples_of_piece.latest(at)
         if _starts(signals):
             self._start_index = next_index = signals["value"]
         elif signals["opcode"] == OPCODE["STOP"] and self._start_index is not None:
-            next_index = (self._start_index + signals["value"]) & _MASK32  # its value is the samples produced
+            next_index = (self._start_index + signals["value"]) & MASK32  # its value is the samples produced
         return Response(boot_id, t_us, next_index, **signals)
 
     def _pong(self, signals: dict[str, int], at: int) -> Pong:
@@ -298,13 +348,13 @@ class CanDecoder:
         if identifier == STATUS[0].frame_id:
             self._status.clear()
         self._status[identifier] = word
-        if identifier != _STATUS_LAST or not self._status.keys() >= _STATUS_ALWAYS:
+        if identifier != STATUS_LAST or not self._status.keys() >= STATUS_ALWAYS:
             return
         parts = [self._status[layout.frame_id] for layout in STATUS if layout.frame_id in self._status]
         self._status.clear()
         boot_id, t_us, next_index = self._samples_of_piece.latest(at)
         if self._start_index is not None:
-            next_index = (self._start_index + scalars(STATUS[0], parts[0])["produced"]) & _MASK32
+            next_index = (self._start_index + scalars(STATUS[0], parts[0])["produced"]) & MASK32
         told.append(((boot_id, t_us, next_index), parts))
 
 
@@ -327,28 +377,3 @@ def _with_start(event: Loss | NewRun, began: dict[int, int], starts: list[tuple[
 
 def _starts(response: dict[str, int]) -> bool:
     return response["opcode"] == OPCODE["START"] and response["result"] == RESULT["OK"]
-
-
-def _date_of(position: NDArray[np.intp], dates: list[_Date], breaks: list[int]) -> NDArray[np.intp]:
-    """For each sample the date that holds for it, or _UNDATED; shape (N,)."""
-    at = np.array([date.position for date in dates], dtype=np.intp)
-    which = np.searchsorted(at, position, side="right") - 1
-    # Position -1 is the date, and the first half, that the piece before left behind.
-    for start in breaks:
-        stale = (position > start) & ((which < 0) | (np.append(at, -1)[which] < start))
-        which[stale] = _UNDATED
-    return which
-
-
-def _forget_at_resets(
-    which: NDArray[np.intp], flags: NDArray[np.uint8], dates: list[_Date], *, used: bool
-) -> None:
-    """The first sample of a boot that has no date of its own: the date at hand belongs to the boot before.
-
-    `used` says whether the first of the dates has dated samples of an earlier piece.
-    """
-    for reset in np.flatnonzero(flags & FLAG_RESET).tolist():
-        date = which[reset]
-        old = date == which[reset - 1] if reset else used and date == 0 and dates[0].position == -1
-        if old:
-            which[reset:][which[reset:] == date] = _UNDATED

@@ -9,6 +9,7 @@ error. The stamp is the host's monotonic clock when the frame was taken from the
 import numpy as np
 from numpy.typing import NDArray
 
+from impid_host.wire import native
 from impid_host.wire.can import CanDecoder
 from impid_host.wire.decoder import LinkCounts
 from impid_host.wire.messages import COMMAND, WORD_BYTES
@@ -47,10 +48,14 @@ def encode_can_command(request_id: int, opcode: int, item: int = 0, value: int =
 
 
 class CanBytesDecoder:
-    """Decoder of packed frames; feed it pieces of whole frames, in order."""
+    """Decoder of packed frames; feed it pieces of whole frames, in order.
 
-    def __init__(self) -> None:
+    In C where the extension is there and the stream goes on as it should, else in Python; both give the same.
+    """
+
+    def __init__(self, *, native: bool = native.available) -> None:
         self._decoder = CanDecoder()
+        self._native = native
 
     @property
     def counts(self) -> LinkCounts:
@@ -64,6 +69,9 @@ class CanBytesDecoder:
     def feed(self, data: bytes) -> Decoded:
         """What `data` completes. Frames that no board sends (extended, remote, short) are passed over."""
         frames = unpack_frames(data)
+        followed = self._decoder.follow(frames) if self._native else None
+        if followed is not None:
+            return followed
         frames = frames[(frames["identifier"] < 1 << 11) & (frames["dlc"] == WORD_BYTES)]
         words = np.frombuffer(frames["data"].tobytes(), dtype="<u8")
         return self._decoder.feed(

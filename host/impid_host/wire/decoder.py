@@ -1,5 +1,6 @@
 """Serial bytes to samples, statuses and answers. All samples of a piece are unpacked by numpy at once."""
 
+from collections.abc import Iterable
 from dataclasses import astuple, dataclass, field
 from typing import Any
 
@@ -85,6 +86,9 @@ class SerialDecoder:
 
     def feed(self, data: bytes) -> Decoded:
         """What `data` completes."""
+        followed = self._follow(data)
+        if followed is not None:
+            return followed
         frames = self._deframer.feed(data)
         if not len(frames):
             return Decoded()
@@ -93,20 +97,28 @@ class SerialDecoder:
         is_batch = np.isin(kinds, _SAMPLES)
         words = _words(frames, is_batch)
         segments, events = self._samples(frames.headers[is_batch], words)
-        statuses: list[tuple[int, Words]] = []
-        responses: list[Response] = []
-        pongs: list[Pong] = []
-        for i in np.flatnonzero(~is_batch).tolist():
-            kind, header, record = int(kinds[i]), frames.headers[i], frames.of(i).view("<u8")
-            if kind == KIND["STATUS"]:
-                each = max(len(record) // max(int(header["count"]), 1), 1)
-                statuses += [(i, row) for row in record.reshape(-1, each)]
-            elif kind == KIND["RESPONSE"]:
-                responses += [_response(header, word) for word in record]
-            elif kind == KIND["PONG"]:
-                pongs += [_pong(header, word) for word in record.tolist()]
-        said = Statuses.of(frames.headers, statuses)
-        return Decoded(tuple(segments), said, tuple(responses), tuple(pongs), tuple(events))
+        others = np.flatnonzero(~is_batch)
+        return _decoded(segments, events, frames, others.tolist())
+
+    def _follow(self, data: bytes) -> Decoded | None:
+        """In one pass, where all goes on from the last frame; None: not so, nothing was taken."""
+        at, last = self._tracker.expected, self._last_frame
+        if at is None or last is None or last[0] != at.boot_id:
+            return None
+        seq = (last[1] + 1) % _SEQ_MODULUS
+        found = self._deframer.follow(data, at.boot_id, at.index, at.t_us, seq)
+        if found is None:
+            return None
+        count = len(found.numbers)
+        self._last_frame = (last[0], (found.next_seq - 1) % _SEQ_MODULUS)
+        self._tracker.go_on(count, found.next_t_us)
+        segments = []
+        if count:
+            segments.append(Segment(at.boot_id, at.run, found.numbers, DeviceSamples(**found.samples)))
+        if found.others is None:
+            return Decoded(tuple(segments))
+        frames = Frames(*found.others)
+        return _decoded(segments, [], frames, range(len(frames)))
 
     def _count_lost_frames(self, frames: Frames) -> None:
         boots, seqs = frames.headers["boot_id"], frames.headers["frame_seq"]
@@ -163,15 +175,33 @@ class SerialDecoder:
         samples contradict their header (None: none)."""
         if self._deframer.native and words.shape[1] == _NARROW:
             return native.unpack(words, low32)
-        wrong = _contradicts(low32.astype(np.uint64), ACCEL.unpack(words[:, 0]), ENCODER.unpack(words[:, 1]))
+        wrong = _contradicts(low32, words)
         return sample_columns(words) if words.shape[1] == _NARROW else {}, wrong if wrong.any() else None
 
 
-def _contradicts(low32: Words, accel: dict[str, Words], encoder: dict[str, Words]) -> NDArray[np.bool_]:
+def _decoded(segments: list[Segment], events: list[Any], frames: Frames, others: Iterable[int]) -> Decoded:
+    """With what the other frames say."""
+    statuses: list[tuple[int, Words]] = []
+    responses: list[Response] = []
+    pongs: list[Pong] = []
+    for i in others:
+        header, record = frames.headers[i], frames.of(i).view("<u8")
+        kind = int(header["kind"])
+        if kind == KIND["STATUS"]:
+            each = max(len(record) // max(int(header["count"]), 1), 1)
+            statuses += [(i, row) for row in record.reshape(-1, each)]
+        elif kind == KIND["RESPONSE"]:
+            responses += [_response(header, word) for word in record]
+        elif kind == KIND["PONG"]:
+            pongs += [_pong(header, word) for word in record.tolist()]
+    said = Statuses.of(frames.headers, statuses)
+    return Decoded(tuple(segments), said, tuple(responses), tuple(pongs), tuple(events))
+
+
+def _contradicts(low32: NDArray[np.uint32], words: Words) -> NDArray[np.bool_]:
     """Samples whose own index bits are not those that the header gives them, shape (N,)."""
-    wrong: NDArray[np.bool_] = (accel["index_low16"] != (low32 & np.uint64(0xFFFF))) | (
-        encoder["index_low8"] != (low32 & np.uint64(0xFF))
-    )
+    low16, low8 = ACCEL.signal("index_low16", words[:, 0]), ENCODER.signal("index_low8", words[:, 1])
+    wrong: NDArray[np.bool_] = (low16 != low32.astype(low16.dtype)) | (low8 != low32.astype(low8.dtype))
     return wrong
 
 
@@ -198,23 +228,25 @@ def device_samples(t_us: Words, index: Words, words: Words) -> DeviceSamples:
 
 def sample_columns(words: Words) -> dict[str, NDArray[Any]]:
     """What the words say of each sample, by the names of `DeviceSamples`, each (N,)."""
-    accel, encoder = ACCEL.unpack(words[:, 0]), ENCODER.unpack(words[:, 1])
-    counters = {f"enc{n}": _counter(accel[f"enc{n}_high4"], encoder[f"enc{n}_low28"]) for n in (1, 2)}
-    flags = (accel["flags"] & np.uint64(0xFF ^ FLAG_FINE)).astype(np.uint8)
-    if not len(words) or not int(accel["flags"][0]) & FLAG_FINE:
-        axes: dict[str, NDArray[Any]] = {name: accel[name].astype(np.uint16) for name in ("ax", "ay")}
-        return axes | counters | {"flags": flags}
-    fine = ACCEL_FINE.unpack(words[:, 2])
-    high = {"x": accel["ax"], "y": accel["ay"], "z": fine["az_high16"]}
-    codes = {
-        f"a{axis}": ((high16 << np.uint64(8)) | fine[f"a{axis}_low8"]).astype(np.uint32)
-        for axis, high16 in high.items()
-    }
-    return codes | counters | {"flags": flags}
+    accel = words[:, 0]
+    said = ACCEL.signal("flags", accel)
+    columns: dict[str, NDArray[Any]] = {f"enc{n}": _counter(words, n) for n in (1, 2)}
+    columns["flags"] = said.astype(np.uint8) & np.uint8(0xFF ^ FLAG_FINE)
+    if words.shape[1] == _NARROW or not len(words) or not int(said[0]) & FLAG_FINE:
+        return columns | {name: ACCEL.signal(name, accel).astype(np.uint16) for name in ("ax", "ay")}
+    fine = words[:, 2]
+    high = {axis: ACCEL.signal(f"a{axis}", accel) for axis in "xy"}
+    high["z"] = ACCEL_FINE.signal("az_high16", fine)
+    for axis, high16 in high.items():
+        low8 = ACCEL_FINE.signal(f"a{axis}_low8", fine)
+        columns[f"a{axis}"] = (high16.astype(np.uint32) << np.uint32(8)) | low8
+    return columns
 
 
-def _counter(high4: Words, low28: Words) -> NDArray[np.int32]:
-    return ((high4 << np.uint64(28)) | low28).astype(np.uint32).view(np.int32)
+def _counter(words: Words, number: int) -> NDArray[np.int32]:
+    high4 = ACCEL.signal(f"enc{number}_high4", words[:, 0]).astype(np.uint32)
+    low28 = ENCODER.signal(f"enc{number}_low28", words[:, 1]).astype(np.uint32)
+    return ((high4 << np.uint32(28)) | low28).view(np.int32)
 
 
 def _response(header: Any, word: np.uint64) -> Response:

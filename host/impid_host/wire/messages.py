@@ -55,6 +55,19 @@ class MessageLayout:
             name: (words >> np.uint64(shift)) & np.uint64(mask) for name, (shift, mask) in self.fields.items()
         }
 
+    def signal(self, name: str, words: Words) -> NDArray[np.unsignedinteger[Any]]:
+        """One signal of N messages, words of shape (N,), in the smallest type that it lies in: (N,)."""
+        shift, mask = self.fields[name]
+        width = mask.bit_length()
+        for bits in (8, 16, 32):
+            at, off = divmod(shift, bits)
+            if off + width <= bits:
+                lane: NDArray[np.unsignedinteger[Any]] = words[:, np.newaxis].view(f"<u{bits // 8}")[:, at]
+                if off:
+                    lane = lane >> lane.dtype.type(off)
+                return lane if off + width == bits else lane & lane.dtype.type(mask)
+        return (words >> np.uint64(shift)) & np.uint64(mask)
+
     def pack(self, **values: ArrayLike) -> Words:
         """Words of shape (N,) from one array or number per signal; missing ones are 0, excess bits cut."""
         unknown = values.keys() - self.fields.keys()

@@ -75,6 +75,19 @@ class Tracker:
         self.boot_id, self.run = position.boot_id, position.run
         self._next_index, self._next_t_us = position.index, position.t_us
 
+    @property
+    def expected(self) -> Position | None:
+        """The sample expected next; None before the first."""
+        if self.boot_id is None:
+            return None
+        return Position(self.boot_id, self.run, self._next_index, self._next_t_us)
+
+    def go_on(self, samples: int, next_t_us: int) -> None:
+        """So many came that follow without a gap."""
+        self.counts.stored += samples
+        self._next_index += samples
+        self._next_t_us = next_t_us
+
     def place(self, groups: Groups) -> tuple[list[Span], list[Loss | NewRun]]:
         """Spans of the groups that are new, and what happened between them."""
         spans: list[Span] = []

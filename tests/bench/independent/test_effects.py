@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-
-from bench.independent.chain import delivered, signals
-from bench.independent.effects import EVERY
-from bench.independent.effects.base import play, slip
-from bench.independent.laboratory import draw
-from bench.independent.motion import controlled, derivative, moving, reference
+from independent.chain import delivered, signals
+from independent.effects import EVERY
+from independent.effects.base import play, slip
+from independent.laboratory import draw
+from independent.motion import controlled, derivative, moving, reference
 
 NEEDS = frozenset({"force_sensor", "arm", "mass-spring"})
 SEED = next(s for s in range(900, 999) if len(draw(s).plans) == 3)

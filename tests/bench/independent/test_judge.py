@@ -7,11 +7,11 @@ import json
 import sys
 
 import pytest
-
-from bench.independent import judge
-from bench.independent.__main__ import main
-from bench.independent.laboratory import draw
-from bench.independent.table import page
+from independent import judge
+from independent.__main__ import main
+from independent.harmless import HARMLESS
+from independent.laboratory import draw
+from independent.table import page
 
 SHORT = next(s for s in range(900, 999) if len(draw(s).plans) == 3)  # three trials of 15 s
 REPORT = {
@@ -115,8 +115,8 @@ def test_kinds_of_studies(kind, count):
 
 
 def test_harmless_kinds_come_in_turn_and_hide_nothing():
-    wishes = [judge.wanted_of(seed, options("unusual2")) for seed in range(len(judge.HARMLESS))]
-    assert {w.harmless for w in wishes} == set(judge.HARMLESS)
+    wishes = [judge.wanted_of(seed, options("unusual2")) for seed in range(len(HARMLESS))]
+    assert {w.harmless for w in wishes} == set(HARMLESS)
     assert not any(w.effects for w in wishes)
     assert judge.wanted_of(3, options("any", "half_floats")).harmless == "half_floats"
 

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from independent.laboratory import draw
+from independent.mechanics import Load, Robot
 from scipy.integrate import solve_ivp
-
-from bench.independent.laboratory import draw
-from bench.independent.mechanics import Load, Robot
 
 RNG = np.random.default_rng(5)
 FREE = Robot((0.3, 0.25), (0.12, 0.05, 0.06, 0.0, 0.0), (0.25, 0.1))

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-import pytest
+from typing import Any
 
-from bench.independent.rules import confidences, coverage, read_report, read_truth, verdict
-from bench.independent.table import wilson
+import pytest
+from independent.rules import confidences, coverage, read_report, read_truth, verdict
+from independent.table import wilson
 
 
 def hidden(name, where, near=(), companions=(), instead=(), any_joint=False):
@@ -16,7 +17,7 @@ def hidden(name, where, near=(), companions=(), instead=(), any_joint=False):
 
 
 def said(*names, ties=()):
-    stages = [{"added": None}]
+    stages: list[dict[str, Any]] = [{"added": None}]
     stages += [{"added": {"effect": n, "where": w, "evidence": {"confidence": 0.9}}} for n, w in names]
     return read_report({"stages": stages, "ambiguous": [{"candidates": list(t)} for t in ties]})
 

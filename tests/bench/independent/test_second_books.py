@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-
-from bench.independent.chain import delivered, signals
-from bench.independent.effects import EVERY, NAMED2
-from bench.independent.folder import write
-from bench.independent.harmless import HARMLESS
-from bench.independent.instruments import mean_over
-from bench.independent.laboratory import draw
-from bench.independent.motion import controlled, derivative, low_pass, moving, reference
-from bench.independent.noise import FRESH, UNUSUAL, USUAL
-from bench.independent.study import make
+from independent.chain import delivered, signals
+from independent.effects import EVERY, NAMED2
+from independent.folder import write
+from independent.harmless import HARMLESS
+from independent.instruments import mean_over
+from independent.laboratory import draw
+from independent.motion import controlled, derivative, low_pass, moving, reference
+from independent.noise import FRESH, UNUSUAL, USUAL
+from independent.study import make
 
 NEEDS = frozenset({"force_sensor", "arm", "mass-spring"})
 SEED = next(s for s in range(900, 999) if len(draw(s).plans) == 3)

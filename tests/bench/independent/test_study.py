@@ -6,13 +6,12 @@ import tomllib
 
 import numpy as np
 import pytest
+from independent.chain import delivered
+from independent.effects import EVERY, NAMED, NAMED2, UNNAMED, UNNAMED2
+from independent.folder import write
+from independent.laboratory import draw
+from independent.study import make
 from scipy.signal import butter, sosfiltfilt
-
-from bench.independent.chain import delivered
-from bench.independent.effects import EVERY, NAMED, NAMED2, UNNAMED, UNNAMED2
-from bench.independent.folder import write
-from bench.independent.laboratory import draw
-from bench.independent.study import make
 
 G = 9.80665
 SHORT = next(s for s in range(900, 999) if len(draw(s).plans) == 3)  # three trials of 15 s

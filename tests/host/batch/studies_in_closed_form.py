@@ -11,7 +11,8 @@ from impid_host.batch.task import BatchOptions
 from impid_host.study.folder import write_study
 from impid_host.study.model import Study, Trial
 from pyarrow import parquet
-from small_study import K, study
+
+from tests.host.report.small_study import K, study
 
 ROWS = 500 * 5  # of each trial, 5 s: enough to fit, quick
 # What differs from run to run; all other columns are the result.

@@ -21,7 +21,8 @@ from impid_host.batch.task import Answer, BatchOptions
 from impid_host.batch.worker import Child
 from impid_host.cli import cli
 from pyarrow import parquet
-from studies_in_closed_form import Done, batch, stiffness_on, table, write_archive
+
+from tests.host.batch.studies_in_closed_form import Done, batch, stiffness_on, table, write_archive
 
 ROOT = Path(__file__).resolve().parents[3]
 
@@ -304,8 +305,8 @@ def test_the_long_table_is_read_as_well(done: Done, tmp_path: Path) -> None:
     assert said[0] == said[1]
     strange = tmp_path / "strange.parquet"
     parquet.write_table(parquet.read_table(long).drop_columns(["sd"]), strange)
-    done = CliRunner().invoke(cli, ["compare", str(strange)])
-    assert (done.exit_code, "has no column sd" in str(done.exception)) == (1, True)
+    refused = CliRunner().invoke(cli, ["compare", str(strange)])
+    assert (refused.exit_code, "has no column sd" in str(refused.exception)) == (1, True)
 
 
 def test_studies_within_a_study_are_not_looked_for(archive: Path) -> None:

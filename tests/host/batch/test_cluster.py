@@ -8,13 +8,15 @@ import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import impid_host
 import pytest
 from click.testing import CliRunner
 from impid_host.cli import cli
 from impid_host.errors import ImpidError
-from studies_in_closed_form import batch, table, write_archive
+
+from tests.host.batch.studies_in_closed_form import batch, table, write_archive
 
 ROOT = Path(__file__).resolve().parents[3]
 ENVIRONMENT = {**os.environ, "PYTHONPATH": f"{ROOT / 'host'}{os.pathsep}{ROOT}"}
@@ -35,7 +37,12 @@ def cluster(tmp_path: Path) -> Iterator[Cluster]:
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         address = f"tcp://127.0.0.1:{free.getsockname()[1]}"
-    quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL, "env": ENVIRONMENT, "cwd": tmp_path}
+    quiet: dict[str, Any] = {
+        "stdout": subprocess.DEVNULL,
+        "stderr": subprocess.DEVNULL,
+        "env": ENVIRONMENT,
+        "cwd": tmp_path,
+    }
     dask = [sys.executable, "-m", "distributed.cli"]
     own = ["--host", "127.0.0.1", "--no-dashboard"]
     scheduler = subprocess.Popen(
@@ -57,7 +64,7 @@ def test_the_same_as_here_although_a_worker_dies(cluster: Cluster, tmp_path: Pat
     write_archive(archive, 2, 4)
     log = archive / "P02" / "day4" / "free_01" / "robot.csv"
     log.write_text(log.read_text()[:2000])  # cut off: it is reported from the cluster as from here
-    heard = []
+    heard: list[Any] = []
 
     def progress(done: int, total: int, broken: int) -> None:
         if not heard:

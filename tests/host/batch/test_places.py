@@ -20,7 +20,8 @@ from impid_host.batch.places import place
 from impid_host.batch.read_back import read_results
 from impid_host.cli import cli
 from impid_host.errors import ImpidError
-from studies_in_closed_form import batch, stiffness_on, table, write_archive
+
+from tests.host.batch.studies_in_closed_form import batch, stiffness_on, table, write_archive
 
 
 def free_port() -> int:
@@ -83,7 +84,7 @@ def sftp(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
     (tmp_path / "served").mkdir()
     loop = asyncio.new_event_loop()
 
-    def files(channel: asyncssh.SSHServerChannel) -> asyncssh.SFTPServer:
+    def files(channel: asyncssh.SSHServerChannel[bytes]) -> asyncssh.SFTPServer:
         return asyncssh.SFTPServer(channel, chroot=str(tmp_path / "served").encode())
 
     async def listen() -> asyncssh.SSHAcceptor:

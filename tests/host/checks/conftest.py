@@ -1,12 +1,6 @@
 """The campaign's laboratories and mistakes serve here too; one laboratory for the whole folder."""
 
-import sys
-from pathlib import Path
-
 import pytest
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[3] / "bench"))
-
 from mistakes_campaign.laboratories import KINDS, laboratory
 
 

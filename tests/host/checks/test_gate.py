@@ -1,5 +1,7 @@
 """The gate of physics against matrices whose verdict is plain by hand."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 from impid_host.checks import Bounded, Check, Checks, LoadNumbers, RobotNumbers, gate
@@ -87,7 +89,7 @@ def test_an_arm_may_have_an_indefinite_stiffness_but_no_negative_mass():
 
 def test_sizes_and_declared_bounds():
     assert load(M=quantity([[812.0, 0.0], [0.0, 812.0]], 6.0, "kg")).impossible
-    bound = {"name": "damping_ratio", "where": "joint1", "low": 0.0, "high": 1.0}
+    bound: dict[str, Any] = {"name": "damping_ratio", "where": "joint1", "low": 0.0, "high": 1.0}
     assert gate(parameters=[Bounded(value=-0.3, ci95=(-0.4, -0.2), **bound)]).impossible
     assert not gate(parameters=[Bounded(value=-0.1, ci95=(-0.3, 0.1), **bound)]).entries
 

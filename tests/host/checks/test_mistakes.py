@@ -4,6 +4,7 @@ The whole campaign is bench/mistakes_validation.py (docs/validation/mistakes.md)
 """
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -59,7 +60,7 @@ def test_the_change_that_is_named_mends_the_study(study):
     for name in ("zero of joint 1 off by 0.2", "mount off by 90 degrees", "links swapped", "vref 5 for 3.3"):
         wrong = BY_NAME[name].change(study)
         (entry,) = check_study(wrong).entries
-        tables = {"encoder": wrong.setup.encoder, "accelerometer": wrong.setup.accelerometer}
+        tables: dict[str, Any] = {"encoder": wrong.setup.encoder, "accelerometer": wrong.setup.accelerometer}
         tables["robot"] = wrong.setup.robot
         for change in entry.changes:
             value = tuple(change.value) if isinstance(change.value, list) else change.value

@@ -1,16 +1,20 @@
 """What `impid-host doctor` says of a desk, good and bad."""
 
 import json
+import os
 import re
+import shutil
+import time
 from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
-from boards import PtyBoard
 from click.testing import CliRunner
 from impid_host.cli import cli
 from impid_host.desk import doctor
 from impid_host.desk.doctor import disk, ports, sleepiness, versions
+
+from tests.host.recording.boards import PtyBoard
 
 
 @dataclass
@@ -48,7 +52,7 @@ def test_ports_that_may_not_be_opened(tmp_path: Path, monkeypatch: pytest.Monkey
     here.touch()
     st_link = Port(str(here), 0x0483, 0x374B)
     assert [own.state for own in ports([st_link])] == ["good"]
-    monkeypatch.setattr(doctor.os, "access", lambda *_: False)
+    monkeypatch.setattr(os, "access", lambda *_: False)
     (refused,) = ports([st_link])
     assert refused.state == "bad"
     assert "dialout" in refused.remedy
@@ -59,7 +63,7 @@ def test_ports_that_may_not_be_opened(tmp_path: Path, monkeypatch: pytest.Monkey
 def test_a_disk_that_is_full_or_not_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     assert disk(tmp_path / "none").state == "bad"
     for free, state in ((10**12, "good"), (10**9, "look"), (10**7, "bad")):
-        monkeypatch.setattr(doctor.shutil, "disk_usage", lambda _, free=free: type("U", (), {"free": free}))
+        monkeypatch.setattr(shutil, "disk_usage", lambda _, free=free: type("U", (), {"free": free}))
         assert disk(tmp_path).state == state
 
 
@@ -75,6 +79,6 @@ def test_a_package_that_lacks_what_it_needs(monkeypatch: pytest.MonkeyPatch) -> 
 
 def test_a_computer_that_sleeps_through(monkeypatch: pytest.MonkeyPatch) -> None:
     now = iter([0.0, 0.0015, 1.0, 1.0012, 2.0, 2.0500])
-    monkeypatch.setattr(doctor.time, "perf_counter", lambda: next(now))
+    monkeypatch.setattr(time, "perf_counter", lambda: next(now))
     finding = sleepiness(3)
     assert (finding.state, finding.words) == ("look", "wakes 0.50 ms late, 49.0 ms at worst of 3")

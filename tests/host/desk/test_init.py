@@ -18,7 +18,7 @@ URDF = """<robot name="r"><link name="base"/><link name="a"/><link name="b"/><li
 <joint name="tip" type="fixed"><parent link="b"/><child link="hand"/></joint></robot>"""
 
 
-def answered(lines: list[str], *arguments: str | Path) -> Result:
+def answered(lines: list[str], *arguments: object) -> Result:
     return CliRunner().invoke(cli, ["init", *map(str, arguments)], input="\n".join(lines) + "\n")
 
 

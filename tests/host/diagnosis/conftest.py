@@ -6,6 +6,7 @@ equations (Lagrange, worked by hand in complex numbers), and each effect is put 
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -25,6 +26,8 @@ L1, L2 = 0.254, 0.2667
 COUNT = 2 * np.pi / 400_000
 G = 9.80665
 
+Law = Callable[..., Any]
+
 
 @dataclass
 class World:
@@ -40,11 +43,9 @@ class World:
     device: bool = True
     torque_noise: float = 0.01
     noise_kind: str = "white"
-    torque: list[Callable] = field(default_factory=list)  # (m, rng) -> (N, 2) joint torque needed
-    load_force: list[Callable] = field(default_factory=list)  # (m, load) -> (N, 2) added to -F_ext
-    tip_force: list[Callable] = field(
-        default_factory=list
-    )  # (m, load) -> (N, 2) force the robot must overcome
+    torque: list[Law] = field(default_factory=list)  # (m, rng) -> (N, 2) joint torque needed
+    load_force: list[Law] = field(default_factory=list)  # (m, load) -> (N, 2) added to -F_ext
+    tip_force: list[Law] = field(default_factory=list)  # (m, load) -> (N, 2) force the robot must overcome
     gain: tuple[float, float] = (1.0, 1.0)  # true / logged
     delay: float = 0.0
     accel_gain: tuple[float, float] = (1.0, 1.0)
@@ -55,8 +56,8 @@ class World:
     accel_lever: tuple[float, float] = (0.0, 0.0)
     gravity: tuple[float, float] = (0.0, 0.0)
     moments: tuple[float, float] = (0.2, 0.08)  # kg m, first moments of the links
-    encoder_error: Callable = lambda theta: 0 * theta
-    clock_error: Callable = lambda t: 0 * t
+    encoder_error: Law = lambda theta: 0 * theta
+    clock_error: Law = lambda t: 0 * t
 
 
 @dataclass
@@ -156,7 +157,7 @@ def build(world: World) -> Study:
         loads.append((rng.uniform(0.5, 1.6), np.array([[k[0], s], [s, k[1]]]), None))
     trials = []
     common = np.zeros(2)
-    made: dict[bool, Callable] = {}
+    made: dict[bool, Law] = {}
     for index in range(world.free + world.loaded):
         loaded = index >= world.free
         number = index - world.free

@@ -79,6 +79,7 @@ class Number(Strict):
             assert isinstance(self.ci95, dict) and list(self.value) == list(self.ci95)
             pairs = [(self.value[name], self.ci95[name]) for name in self.value]
         else:
+            assert not isinstance(self.ci95, dict)
             pairs = [(self.value, self.ci95)]
         for value, interval in pairs:
             assert shape(interval) == (*shape(value), 2)

@@ -185,7 +185,7 @@ def build(case: Case, folder: Path) -> Study:
     lengths = (L1, L2) if case.model == "planar-2r-relative" else ()
     step = 1e-6 if case.model == "slide-1d" else COUNT
     setup = Setup(
-        robot=RobotSetup(case.model, lengths, case.gravity, urdf),  # type: ignore[arg-type]
+        robot=RobotSetup(case.model, lengths, case.gravity, urdf),
         prior_alpha=alpha_of(case) if case.prior else None,
     )
     if case.device:

@@ -83,12 +83,12 @@ def test_dry_friction_is_named_and_the_error_falls_to_the_noise(make) -> None:
     )
     answer = diagnose(study)
     assert labels(answer) == ["friction.coulomb@joint1"]
-    number = answer.stages[1].added.parameters["torque"]  # type: ignore[union-attr]
+    number = answer.stages[1].added.parameters["torque"]
     assert number.value == pytest.approx(0.03, rel=0.02)
     assert number.ci95[0] < 0.03 < number.ci95[1]
     # White noise of 10 mN m at 1 kHz leaves 10 sqrt(4.5 / 500) = 0.95 mN m below 4.5 Hz.
     assert answer.stages[0].rms["tau1"] > 3 * answer.stages[1].rms["tau1"]
-    assert answer.stages[1].added.evidence.confidence > 0.8  # type: ignore[union-attr]
+    assert answer.stages[1].added.evidence.confidence > 0.8
     assert answer.stages[1].rms["tau1"] == pytest.approx(0.95e-3, rel=0.35)
 
 

@@ -20,8 +20,19 @@ def study(seed: int, power, speed=np.ones_like) -> tuple[list[Run], list[np.ndar
     runs, left = [], []
     for trial, level in (("free_01", power(t)), ("free_02", np.ones_like(t))):
         for channel in (0, 1):
-            none = np.zeros((len(t), 0))
-            run = Run(trial, "torque", channel, "fit", 0.0, STEP, t, none, np.zeros(0, dtype=np.intp), none)
+            none, free = np.zeros((len(t), 0)), np.zeros((len(t), 0), dtype=np.float32)
+            run = Run(
+                trial,
+                "torque",
+                channel,
+                "fit",
+                0.0,
+                STEP,
+                t,
+                none,
+                np.zeros(0, dtype=np.intp),
+                free,
+            )
             runs.append(run)
             left.append(rng.standard_normal(len(t)) * np.sqrt(level))
     views = [

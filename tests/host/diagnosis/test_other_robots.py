@@ -77,7 +77,7 @@ def test_a_joints_friction_is_named_on_the_papers_robot_alone(tmp_path: Path) ->
     study = build(Case("joint-1d", seed=120, loaded=0, device=False, torque=[dry(0, 0.05)]), tmp_path)
     answer = diagnose(study)
     assert labels(answer) == ["friction.coulomb@joint1"]
-    number = answer.stages[1].added.parameters["torque"]  # type: ignore[union-attr]
+    number = answer.stages[1].added.parameters["torque"]
     assert number.unit == "N*m"
     assert number.value == pytest.approx(0.05, rel=0.02)
     textbook = replace(study.setup, robot=replace(study.setup.robot, baseline="textbook"))
@@ -103,7 +103,7 @@ def test_a_joints_late_load_is_a_torque(tmp_path: Path) -> None:
     case = Case("joint-1d", seed=121, free=0, kind="arm", device=False, pull=[late], quick=4.0)
     answer = diagnose(build(case, tmp_path))
     assert labels(answer) == ["load.delay@load"]
-    found = answer.stages[1].added.parameters  # type: ignore[union-attr]
+    found = answer.stages[1].added.parameters
     assert found["delay"].value == pytest.approx(0.06, abs=0.003)
     assert found["gain_k"].value == pytest.approx(15.0, rel=0.1)
     assert found["gain_b"].value == pytest.approx(0.4, rel=0.1)
@@ -123,7 +123,7 @@ def test_a_stretch_reflex_is_a_late_load(tmp_path: Path) -> None:
     case = Case("joint-1d", seed=123, free=0, kind="arm", device=False, pull=[reflex], quick=4.0)
     answer = diagnose(build(case, tmp_path))
     assert labels(answer)[0] == "load.delay@load"
-    found = answer.stages[1].added.parameters  # type: ignore[union-attr]
+    found = answer.stages[1].added.parameters
     assert found["delay"].value == pytest.approx(0.045, abs=0.006)
     assert found["gain_b"].value == pytest.approx(8.0, rel=0.2)
     assert answer.stages[1].rms["tau1"] < 0.3 * answer.stages[0].rms["tau1"]
@@ -146,5 +146,5 @@ def test_the_sensor_turns_with_the_second_link(tmp_path: Path) -> None:
     sensor = replace(study.setup.accelerometer, mount_angle_rad=MOUNT - turned)
     answer = diagnose(replace(study, setup=replace(study.setup, accelerometer=sensor)))
     assert labels(answer) == ["accel.misalignment@sensor"]
-    number = answer.stages[1].added.parameters["angle_rad"]  # type: ignore[union-attr]
+    number = answer.stages[1].added.parameters["angle_rad"]
     assert number.value == pytest.approx(turned, abs=1e-3)

@@ -1,6 +1,7 @@
 """What a record has for itself is found anew in it: constant torques and a drift, put in exactly."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -29,7 +30,7 @@ def model() -> np.ndarray:
     return value
 
 
-def disturbed() -> list:
+def disturbed() -> list[Any]:
     """Both trials with constant torques; the hand's rest wanders as well."""
     free, hand = PARTS
     moved = (hand.t - 0.5 * hand.t[-1])[:, None] * RATE

@@ -55,7 +55,7 @@ def test_each_trial_has_its_own_number_by_its_name() -> None:
     here = apparatus("all instruments").setting
     drift = find("clock.drift", "sensor", size=len(here.trials))
     sd = np.linspace(1e-4, 4e-4, drift.size)
-    found = parameters_of(Chosen(drift, 0.0, 1e-3 * np.arange(drift.size), np.diag(sd**2)))
+    found = parameters_of(Chosen(drift, 0.0, 1e-3 * np.arange(float(drift.size)), np.diag(sd**2)))
     own = found["seconds"]
     assert not isinstance(own, Number)
     assert tuple(own) == here.trials

@@ -2,6 +2,7 @@
 
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -44,7 +45,7 @@ ZEROS = Chosen(
 )
 
 
-def through_text(document: object) -> dict:
+def through_text(document: object) -> dict[str, Any]:
     return json.loads(json.dumps(document))
 
 

@@ -33,7 +33,7 @@ def test_the_density_is_that_of_a_loop_over_blocks(tail: float, slots: list[int]
             for c in range(2):
                 own = (trial == k) & (number == block) & (channel == c)
                 r = y[own] - X[own] @ beta
-                total += float(stats.multivariate_t(np.zeros(BLOCK), np.eye(BLOCK), df=tail).logpdf(r))
+                total += float(stats.multivariate_t(np.zeros(BLOCK), np.eye(BLOCK), df=tail).logpdf(r))  # type: ignore[arg-type]
             truth.append(total)
     found = Scorer(table).explanation(table, slots)
     assert sorted(found.density) == pytest.approx(sorted(truth), rel=1e-5)
@@ -58,7 +58,7 @@ def test_references_always_take_part() -> None:
         np.array([3000.0]),
         np.array([[1000.0, 0.0]]),
         none,
-        np.zeros((1, 0)),
+        np.zeros((1, 0), dtype=np.float32),
     )
     noise = table.noise
     noise.tails[REFERENCE, 0] = 1e4  # type: ignore[index]

@@ -1,5 +1,7 @@
 """Random walks against the kinds of noise that they must not be taken for."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 from impid_host.diagnosis.wander import wandering
@@ -10,7 +12,7 @@ from .synthetic import STEP_S, Rows
 TAPS = {("torque", 0): np.ones(1)}
 
 
-def found(seed: int, make) -> list:
+def found(seed: int, make) -> list[Any]:
     own = Rows([], seed=seed, count=800)
     noise = np.stack([make(own.rng) for _ in range(4)])[None]
     return wandering(own.table(own.target({}, noise=0.0) + noise), [], TAPS)

@@ -103,7 +103,7 @@ def _model(kind: Kind) -> RobotModel:
         urdf = Path(mkdtemp()) / "three.urdf"
         urdf.write_text(_three_joints())
     lengths = (L1, L2) if kind.robot.startswith("planar") else ()
-    return robot_model(RobotSetup(kind.robot, lengths, kind.gravity, urdf))  # type: ignore[arg-type]
+    return robot_model(RobotSetup(kind.robot, lengths, kind.gravity, urdf))
 
 
 def _three_joints() -> str:

@@ -40,7 +40,8 @@ class Body:
 
     @property
     def x(self) -> np.ndarray:
-        return pair(sum(self._bars()))
+        first, second = self._bars()
+        return pair(first + second)
 
     @property
     def v(self) -> np.ndarray:

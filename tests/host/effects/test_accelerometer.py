@@ -1,6 +1,7 @@
 """How an accelerometer errs, against two bars in closed form: each fault as the sensor would show it."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -70,7 +71,7 @@ def test_gain_bias_and_crosstalk_of_each_axis_and_of_both(axes: tuple[str, ...])
     assert columns("accel.scale", *axes) @ beta == pytest.approx(F @ S.T - F, abs=1e-12)
     assert columns("accel.cross_axis", *axes) @ beta == pytest.approx(F @ C.T, abs=1e-12)
     assert columns("accel.bias", *axes) @ beta == pytest.approx(np.tile(b, (len(F), 1)), abs=1e-12)
-    told = term("accel.scale", *axes).read(beta, 0.0)["gain"]
+    told: Any = term("accel.scale", *axes).read(beta, 0.0)["gain"]
     assert np.ravel(told) == pytest.approx(S[places, places])
 
 

@@ -1,7 +1,8 @@
 """What every term of the catalogue promises, in every kind of apparatus; nothing here knows an effect."""
 
+from collections.abc import Callable
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
 from itertools import product
 
 import numpy as np
@@ -137,16 +138,19 @@ def test_what_is_not_finite_is_impossible(kind: str, effect: str) -> None:
         assert not possible(term, beta, term.shapes[0])
 
 
+def louder_answer(respond: Callable[[View], Columns], view: View) -> Columns:
+    """Of a model that answers half as much again, but for the sensor's reading."""
+    answer = respond(view)
+    return {family: 1.5 * own if family != SPECIFIC_FORCE else own for family, own in answer.items()}
+
+
 @pytest.mark.parametrize(("kind", "effect"), CASES)
 def test_only_what_says_so_follows_the_present_model(kind: str, effect: str) -> None:
     """Columns that change with the model's torque, stiffness or response must be made anew with it."""
     here, own = of(kind, effect)
     for view in (here.views[0], here.loaded):
         assert view.respond is not None
-        louder = {
-            family: 1.5 * block if family != SPECIFIC_FORCE else block
-            for family, block in view.respond(view).items()
-        }
+        louder = louder_answer(view.respond, view)
         stiffer = replace(
             view,
             response=louder,
@@ -154,10 +158,7 @@ def test_only_what_says_so_follows_the_present_model(kind: str, effect: str) -> 
             x0=view.x0 + 0.01,
             K=1.5 * view.K,
             alpha=None if view.alpha is None else 1.2 * view.alpha,
-            respond=lambda other, view=view: {
-                family: 1.5 * block if family != SPECIFIC_FORCE else block
-                for family, block in view.respond(other).items()
-            },
+            respond=partial(louder_answer, view.respond),
         )
         for term in own:
             shape = term.shapes[len(term.shapes) // 2]

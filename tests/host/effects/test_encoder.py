@@ -22,7 +22,7 @@ def replaced(joint: int, q: np.ndarray, w: np.ndarray, a: np.ndarray) -> Body:
     parts = [READ.q.copy(), READ.w.copy(), READ.a.copy()]
     for part, column in zip(parts, (q, w, a), strict=True):
         part[:, joint] = column
-    return Body(*parts)
+    return Body(parts[0], parts[1], parts[2])
 
 
 def of_joint(joint: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -196,10 +196,7 @@ def test_any_slow_path_of_lateness_is_followed_by_the_angles_alone() -> None:
     assert whole.force is not None
     assert (
         np.abs(whole.force + body(VIEW.t).pulls(TRIAL))[INSIDE].max()
-        < 0.03
-        * np.abs(
-            drifted.force + body(VIEW.t).pulls(TRIAL)  # type: ignore[operator]
-        )[INSIDE].max()
+        < 0.03 * np.abs(drifted.force + body(VIEW.t).pulls(TRIAL))[INSIDE].max()
     )
     one_clock = replace(VIEW, theta_robot=None)
     assert resynchronised(one_clock) is one_clock

@@ -31,7 +31,7 @@ class Put:
     effect: str
     where: tuple[str, ...]
     change: Change
-    parameters: dict[str, float | list[float]]
+    parameters: dict[str, float | list[float] | list[list[float]]]
     trial: str = "free_01"
     kind: str = "all instruments"
     variant: str | None = None

@@ -20,7 +20,7 @@ def read_ahead(t: np.ndarray, lead: float, joint: int) -> Body:
     true, early = body(t), body(t + lead)
     own = np.arange(2) == joint
     return Body(
-        *(np.where(own, late, now) for late, now in ((early.q, true.q), (early.w, true.w), (early.a, true.a)))
+        np.where(own, early.q, true.q), np.where(own, early.w, true.w), np.where(own, early.a, true.a)
     )
 
 
@@ -33,14 +33,16 @@ def test_an_encoder_ahead_in_time(joint: int) -> None:
 
     def left(lead: float) -> dict[str, np.ndarray]:
         view = recorded(SPRING, read_ahead(plain.t, lead, joint))
+        assert view.respond is not None
         answer = view.respond(view)
+        assert view.measured is not None
         return {
             "torque": view.tau - answer["torque"],
             "specific_force": view.measured - answer["specific_force"],
         }
 
     for family in ("torque", "specific_force"):
-        truth = slope(lambda lead, family=family: left(lead)[family], 1e-4)[INSIDE]
+        truth = slope(lambda lead: left(lead)[family], 1e-4)[INSIDE]  # noqa: B023 (called at once)
         own = block[family][INSIDE][..., 0]
         assert own == pytest.approx(truth, abs=2e-3 * np.abs(truth).max()), family
 

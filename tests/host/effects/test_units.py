@@ -25,7 +25,7 @@ def dimension(unit: str) -> dict[str, int]:
     total: Counter[str] = Counter()
     for k, part in enumerate(unit.split("/")):
         for factor in part.strip("()").split("*"):
-            name, power = re.fullmatch(r"([A-Za-z]+|1)(?:\^(\d))?", factor).groups()  # type: ignore[union-attr]
+            name, power = re.fullmatch(r"([A-Za-z]+|1)(?:\^(\d))?", factor).groups()
             for base, exponent in BASE[name].items():
                 total[base] += exponent * int(power or 1) * (1 if k == 0 else -1)
     return {base: exponent for base, exponent in total.items() if exponent}

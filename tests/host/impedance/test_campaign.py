@@ -1,6 +1,7 @@
 """The whole path from raw counts and codes to impedance, against a robot that the test integrated."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -97,7 +98,8 @@ def test_a_gap_is_left_out_and_said(study: Study) -> None:
     keep = np.ones(len(device), dtype=bool)
     keep[9000:9700] = False
     columns = {n: getattr(device, n) for n in device.__slots__}
-    holed = type(device)(**{n: None if own is None else own[keep] for n, own in columns.items()})
+    cut: dict[str, Any] = {n: None if own is None else own[keep] for n, own in columns.items()}
+    holed = type(device)(**cut)
     damaged = type(trial)(trial.name, trial.kind, trial.load, trial.robot, holed)
     result = fit_study(Study("holed", study.setup, (damaged, study.trials[1])), Options())
     aligned = result.trials[0]

@@ -27,8 +27,12 @@ def leg(name: str, seed: int, *, loaded: bool, rate: float = 500.0) -> Trial:
     q += [1.0, 0.9]
     force = np.stack([4 * np.sin(1.3 * t), 12 + 9 * np.sin(2.1 * t + 0.4)], axis=1) * loaded
     tau = ROBOT.regressor(q, v, a) @ ALPHA - np.einsum("kij,ki->kj", ROBOT.jacobian(q), force)
-    kind = "mass-spring" if loaded else "free"
-    return Trial(name, kind, name[:-3], RobotLog(t, q, tau, force=force if loaded else None))
+    return Trial(
+        name,
+        "mass-spring" if loaded else "free",
+        name[:-3],
+        RobotLog(t, q, tau, force=force if loaded else None),
+    )
 
 
 def study(*trials: Trial) -> Study:

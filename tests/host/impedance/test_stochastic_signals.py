@@ -1,6 +1,7 @@
 """From aligned trials to the signals of the spectral method."""
 
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -51,7 +52,7 @@ def test_what_a_mean_makes_of_a_staircase_is_undone():
     # what the staircase holds at 10 Hz itself: later by half a period, smaller by sinc
     true = np.sinc(f * T) * np.sin(2 * np.pi * f * (t_rows - T / 2))
     fine = np.arange(2 * rows - 2) * T / 2
-    one = SimpleNamespace(aligned=SimpleNamespace(rate_hz=1000.0), log_rate_hz=500.0)
+    one: Any = SimpleNamespace(aligned=SimpleNamespace(rate_hz=1000.0), log_rate_hz=500.0)
     P, logged = (CubicSpline(t_rows, x)(fine)[:, np.newaxis] * [1.0, 0.0] for x in (p, mean))
     force = _unaveraged(logged, 2.0)
     mended = force + _staircase(P, np.eye(2), one)

@@ -1,21 +1,18 @@
 """`--port auto` and the speed of the line, with a pseudo-terminal where the ST-LINK would be."""
 
-import sys
 from dataclasses import dataclass
-from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
 from impid_host.cli import cli
 from impid_host.errors import LinkError
-from impid_host.link import discovery
 from impid_host.link.address import AUTO, Address
 from impid_host.link.client import BoardClient
 from impid_host.link.discovery import BAUDS, find_port
 from impid_host.link.port import SerialLink
+from serial.tools import list_ports
 
-sys.path.insert(0, str(Path(__file__).parents[1] / "recording"))
-from boards import PtyBoard
+from tests.host.recording.boards import PtyBoard
 
 ST_LINK_V2_1 = (0x0483, 0x374B)  # as lsusb shows a Nucleo-F446RE
 ARDUINO = (0x2341, 0x0043)
@@ -62,7 +59,7 @@ def test_none_or_several_are_refused_with_the_remedy(present: list[Port], words:
 def test_auto_finds_the_port_and_its_speed(monkeypatch: pytest.MonkeyPatch, baud: int) -> None:
     """At any other speed the board and its host read noise, as on a line."""
     board = PtyBoard(baud=baud)
-    monkeypatch.setattr(discovery.list_ports, "comports", lambda: [Port("/dev/ttyS0"), board_at(board.port)])
+    monkeypatch.setattr(list_ports, "comports", lambda: [Port("/dev/ttyS0"), board_at(board.port)])
     try:
         address = Address(port=AUTO)
         client = BoardClient(address.open())
@@ -76,7 +73,7 @@ def test_auto_finds_the_port_and_its_speed(monkeypatch: pytest.MonkeyPatch, baud
 def test_auto_follows_a_board_that_comes_back_under_another_name(monkeypatch: pytest.MonkeyPatch) -> None:
     first, second = PtyBoard(), PtyBoard()
     present = [board_at(first.port)]
-    monkeypatch.setattr(discovery.list_ports, "comports", lambda: present)
+    monkeypatch.setattr(list_ports, "comports", lambda: present)
     address = Address(port=AUTO)
     try:
         link = address.open()
@@ -93,7 +90,7 @@ def test_auto_follows_a_board_that_comes_back_under_another_name(monkeypatch: py
 
 def test_every_command_takes_auto(monkeypatch: pytest.MonkeyPatch) -> None:
     board = PtyBoard()
-    monkeypatch.setattr(discovery.list_ports, "comports", lambda: [board_at(board.port)])
+    monkeypatch.setattr(list_ports, "comports", lambda: [board_at(board.port)])
     try:
         said = CliRunner().invoke(cli, ["device", "info", "--port", "auto"])
     finally:

@@ -9,10 +9,10 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from typing import Any
 
 import aiohttp
 import pytest
-from browser import Browser
 from click.testing import CliRunner
 from impid_host.cli import cli
 from impid_host.recording.reader import read_recording
@@ -20,6 +20,7 @@ from impid_host.study.setup_file import read_setup
 
 from hil_sim.scenarios.load import load
 from hil_sim.study.setup_file import write_setup
+from tests.host.view.browser import Browser
 
 ALPHA = [0.06929, 0.04217, 0.04416, 0.06510, 0.07389]  # of the scenario
 RECORD = [sys.executable, "-c", "from impid_host.cli import main; main()", "record"]
@@ -58,7 +59,7 @@ def recording(tmp_path: Path):
     process.communicate()
 
 
-def observer_of(process: subprocess.Popen) -> int:
+def observer_of(process: subprocess.Popen[bytes]) -> int:
     """The observer's process: the only child of the page's."""
     for child in children(process.pid):
         for grandchild in children(child):
@@ -71,11 +72,11 @@ def children(pid: int) -> list[int]:
     return [int(child) for child in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
 
 
-def pushed(url: str, enough, seconds: float) -> dict:
+def pushed(url: str, enough, seconds: float) -> dict[str, Any]:
     """What the page is told of the force, as soon as `enough` says so; the last word after these seconds."""
 
-    async def look() -> dict:
-        force = {}
+    async def look() -> dict[str, Any]:
+        force: dict[str, Any] = {}
         async with aiohttp.ClientSession() as session, session.ws_connect(url + "ws") as page:
             deadline = time.monotonic() + seconds
             while time.monotonic() < deadline:

@@ -71,7 +71,7 @@ def test_datagrams_come_through_a_port() -> None:
             open_port(*own.getsockname())
 
 
-def piece(index: range, run: int = 0, ax=32768) -> dict:
+def piece(index: range, run: int = 0, ax=32768) -> dict[str, object]:
     return {
         "boot_id": 1, "run": run, "index": list(index), "t_us": [1_000_000 + 1000 * k for k in index],
         "ax": [ax + k for k in index], "ay": [32768] * len(index),

@@ -150,7 +150,7 @@ class PtyBoard(_Board):
         rest = b""
         while select.select([self._slave], [], [], 0.5)[0]:
             rest += os.read(self._slave, 65536)
-        return rest
+        return rest + self._bytes
 
     def _collect(self) -> None:
         self._bytes += self._board.serial_take()
@@ -167,6 +167,7 @@ class PtyBoard(_Board):
                     sent = bytes(byte ^ 0x5A for byte in sent)
                 if select.select([], [self._master], [], 0.1)[1]:
                     sent = sent[os.write(self._master, sent[:1024]) :]
+            self._bytes = sent  # nothing, but where the board was halted amid it
             if select.select([self._master], [], [], 0.0005)[0]:
                 asked = os.read(self._master, 4096)
                 if self._understood():

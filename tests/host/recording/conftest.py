@@ -1,13 +1,11 @@
 """Boards on pseudo-terminals, and where to record."""
 
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
-sys.path.insert(0, str(Path(__file__).parent))
-from boards import PtyBoard
+from tests.host.recording.boards import PtyBoard
 
 
 @pytest.fixture

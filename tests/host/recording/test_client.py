@@ -7,7 +7,8 @@ from cobs import cobs
 from impid_host.clock.device import ClockExchange, fit_clock
 from impid_host.errors import LinkError
 from impid_host.link.client import TIMEOUT_S, TRIES, BoardClient
-from impid_host.link.port import Chunk, SerialLink
+from impid_host.link.link import Chunk
+from impid_host.link.port import SerialLink
 from impid_host.wire.messages import ITEM, KIND, choices
 from impid_host.wire.records import Decoded
 

@@ -4,12 +4,11 @@ import json
 import struct
 import time
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import cantools
 import numpy as np
 import pytest
-from boards import PtyBoard
 from click.testing import CliRunner, Result
 from cobs import cobs
 from impid_host.calibration.accelerometer import AccelerometerCalibration
@@ -18,6 +17,9 @@ from impid_host.errors import ImpidError
 from impid_host.recording.reader import read_recording
 from impid_host.wire.frame import Header, encode_frame
 from impid_host.wire.messages import ITEM, KIND, OPCODE, RESULT
+
+from hil_sim.board.native import NativeBoard
+from tests.host.recording.boards import PtyBoard
 
 DATABASE: Any = cantools.database.load_file(Path(__file__).resolve().parents[3] / "protocol" / "impid.dbc")
 
@@ -50,7 +52,7 @@ class KeepingBoard(PtyBoard):
                 return sent
 
         self._answers = b""
-        self._board = Between()
+        self._board = cast(NativeBoard, Between())
 
     def _answer(self, frame: bytes) -> bytes | None:
         try:
@@ -88,7 +90,7 @@ def keeping():
     board.close()
 
 
-def run(*arguments: str | Path, answers: str = "") -> Result:
+def run(*arguments: object, answers: str = "") -> Result:
     return CliRunner().invoke(cli, ["device", *(str(a) for a in arguments)], input=answers)
 
 

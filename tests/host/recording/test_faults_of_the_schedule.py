@@ -6,7 +6,7 @@ bench/recording/faults.py.
 
 from pathlib import Path
 
-from served import Outcome, record_through
+from tests.host.recording.served import Outcome, record_through
 
 
 def books_close(outcome: Outcome) -> None:

@@ -13,7 +13,8 @@ from hypothesis import strategies as st
 from impid_host.errors import InputError
 from impid_host.recording.reader import read_recording
 from impid_host.wire.decoder import SerialDecoder
-from test_recording_file import GOLDEN, write_golden
+
+from tests.host.recording.test_recording_file import GOLDEN, write_golden
 
 TRUTH = {
     int(index): int(count)

@@ -7,7 +7,6 @@ import can
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
-from boards import PtyBoard, SlcanBoard
 from click.testing import CliRunner, Result
 from impid_host.cli import cli
 from impid_host.errors import InputError
@@ -15,7 +14,9 @@ from impid_host.link.address import Address
 from impid_host.recording.reader import read_recording
 from impid_host.samples import FLAG_RESET
 from scipy.io import loadmat
-from test_reconnect import Session
+
+from tests.host.recording.boards import PtyBoard, SlcanBoard
+from tests.host.recording.test_reconnect import Session
 
 
 @pytest.fixture(scope="module")
@@ -37,7 +38,7 @@ def over_can(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder / "free_01.mcap"
 
 
-def run(*arguments: str | Path) -> Result:
+def run(*arguments: object) -> Result:
     return CliRunner().invoke(cli, [str(a) for a in arguments])
 
 

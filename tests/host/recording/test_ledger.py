@@ -64,7 +64,7 @@ def test_what_the_next_boot_still_knows_closes_the_books() -> None:
 
 
 def test_losses_inside_count_once() -> None:
-    events = [NewRun(7, 0, FIRST_US, False), Loss(7, 0, 200, 11)]
+    events: list[Loss | NewRun] = [NewRun(7, 0, FIRST_US, False), Loss(7, 0, 200, 11)]
     whole = segment()
     gap = Segment(7, 0, whole.index + np.where(whole.index >= 200, 11, 0).astype(np.uint64), whole.samples)
     (ledger,) = balance([Run.of(gap)], events, told_by([]), [started(START_INDEX)], [ended(STORED + 11 + 4)])
@@ -84,6 +84,7 @@ def test_after_a_loss_of_power_the_clock_gives_a_bound(half_us: int, off_us: int
     )
     assert (ledger.produced, ledger.balanced) == (None, None)
     gap_ms = (4000 + off_us + 2 * half_us) / 1000
+    assert ledger.uncounted is not None
     assert 2 <= gap_ms - 2 - 1 <= ledger.uncounted <= gap_ms
     assert f"at most {ledger.uncounted} more" in str(ledger)
 

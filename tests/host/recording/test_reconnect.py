@@ -8,14 +8,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from boards import PtyBoard
 from impid_host.link.address import Address
 from impid_host.link.client import BoardClient
 from impid_host.recording.reader import Recording, read_recording
 from impid_host.recording.recorder import Outcome, Recorder
 from impid_host.recording.writer import RecordingWriter
+from impid_host.wire.records import Response
 
 from hil_sim.board.native import BoardConfig
+from tests.host.recording.boards import PtyBoard
 
 
 class Session:
@@ -23,7 +24,7 @@ class Session:
 
     def __init__(self, address: Address, out: Path, patience_s: float = 10.0) -> None:
         self.address, self.out, self.patience_s = address, out, patience_s
-        self._due: list[tuple[float, object]] = []
+        self._due: list[tuple[float, Callable[[], object]]] = []
 
     def at(self, elapsed_s: float, action) -> "Session":
         self._due.append((elapsed_s, action))
@@ -44,15 +45,15 @@ class Session:
             recorder = Recorder(client, writer, open_link=self.address.open, patience_s=self.patience_s)
             recorder.identify()
             stop = client.stop
-            asked = []
+            asked: list[None] = []
 
-            def stopping() -> object:
+            def stopping() -> Response:
                 asked.append(None)
                 if len(asked) == 2:  # the first makes sure that nothing streams
                     at_the_end()
                 return stop()
 
-            client.stop = stopping
+            client.stop = stopping  # type: ignore[method-assign]
             outcome = recorder.run(duration_s, report=report)
             writer.close({"ending": outcome.ending})
         return outcome, read_recording(self.out)
@@ -165,7 +166,9 @@ def test_a_board_that_is_gone_when_it_is_to_stop(plugged: PtyBoard, out: Path) -
     assert outcome.ending == "complete"
     (ledger,) = recording.ledgers
     assert ledger.balanced
-    assert ledger.lost == ledger.lost_after > 0
+    assert ledger.lost is not None
+    assert ledger.lost == ledger.lost_after
+    assert ledger.lost > 0
     assert "disconnected" in names(recording)
 
 

@@ -16,7 +16,7 @@ from impid_host.recording.reader import read_recording
 from impid_host.study.folder import read_study
 
 
-def run(*arguments: str | Path) -> Result:
+def run(*arguments: object) -> Result:
     return CliRunner().invoke(cli, [str(a) for a in arguments])
 
 

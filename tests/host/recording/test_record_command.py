@@ -13,7 +13,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from boards import PtyBoard
 from click.testing import CliRunner
 from impid_host.cli import cli
 from impid_host.link.client import BoardClient
@@ -21,10 +20,12 @@ from impid_host.link.port import SerialLink
 from impid_host.recording.reader import read_recording
 from impid_host.wire.messages import choices
 
+from tests.host.recording.boards import PtyBoard
+
 PROGRAM = [sys.executable, "-c", "from impid_host.cli import main; main()", "record"]
 
 
-def start(*arguments: str | Path) -> subprocess.Popen[str]:
+def start(*arguments: object) -> subprocess.Popen[str]:
     command = [*PROGRAM, *map(str, arguments)]
     return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
 

@@ -10,10 +10,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from first_format import FirstFormatWriter
 from impid_host.clock.device import ClockExchange
 from impid_host.errors import InputError
-from impid_host.link.port import Chunk
+from impid_host.link.link import Chunk
 from impid_host.recording.appender import Appender
 from impid_host.recording.reader import read_recording
 from impid_host.recording.transposed import restore
@@ -23,7 +22,9 @@ from impid_host.wire.carrier import CAN, SERIAL, Carrier
 from impid_host.wire.decoder import SerialDecoder
 from mcap.reader import make_reader
 from mcap.writer import Writer
-from with_protobuf import messages, sample_rows
+
+from tests.host.recording.first_format import FirstFormatWriter
+from tests.host.recording.with_protobuf import messages, sample_rows
 
 Make = Callable[..., Any]
 GOLDEN = Path(__file__).parents[2] / "protocol" / "golden" / "serial.bin"
@@ -76,7 +77,7 @@ def test_the_libraries_of_others_read_it(whole: Path) -> None:
         assert reader.get_header().profile == "impid-recording/2"
         summary = reader.get_summary()
     assert summary is not None
-    raw, told, counts = b"", [], Counter()
+    raw, told, counts = b"", list[Any](), Counter[str]()
     for topic, _, message in messages(whole):
         counts[topic] += 1
         if topic == "/wire":

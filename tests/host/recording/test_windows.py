@@ -6,7 +6,6 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 from click.testing import CliRunner
-from first_format import FirstFormatWriter
 from impid_host.cli.export import command as export
 from impid_host.clock.device import ClockExchange
 from impid_host.link.link import Chunk
@@ -18,6 +17,7 @@ from impid_host.wire.carrier import CAN, SERIAL, Carrier
 from impid_host.wire.messages import OPCODE
 
 from hil_sim.board.native import BoardConfig, NativeBoard
+from tests.host.recording.first_format import FirstFormatWriter
 
 SECONDS = 40
 NAMES = ("t_us", "seq", "ax", "ay", "enc1", "enc2", "flags")

@@ -1,6 +1,7 @@
 """`impid-host fit` and `sync` as a user calls them."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -142,6 +143,38 @@ def test_emps_reproduces_the_authors_parameters(measured_data: Path, tmp_path: P
     assert robot["relative_error_percent"] == pytest.approx(4.0834, abs=0.1)
     assert robot["acceleration"] == ["angles"]
     assert robot["held_out"] is False
+
+
+@pytest.mark.measured
+def test_emps_by_instruments_of_the_simulated_model(measured_data: Path, tmp_path: Path) -> None:
+    # Their reference is logged: the model is simulated under the controller that the record shows. Within two
+    # of the authors' standard deviations of their numbers.
+    study = tmp_path / "emps"
+    mapping = CHECKOUT / "docs" / "mappings" / "emps.toml"
+    run("import", measured_data / "emps" / "bangbang.parquet", "--mapping", mapping, "--out", study)
+    terms = ["--with", "friction.coulomb", "--with", "actuator.offset", "--validate", "0"]
+    result = run("fit", study, "--chain", "emps", *terms, "--estimator", "instruments", "--json", "-")
+    robot = json.loads(result.stdout)["robot"]
+    assert robot["estimator"]["by"] == "instruments"
+    assert robot["estimator"]["instruments"] == "simulated model"
+    value = {name: entry["value"] for name, entry in robot["parameters"].items()}
+    assert value["M"] == pytest.approx(95.1089, abs=2 * 0.1085)
+    assert value["Fv"] == pytest.approx(203.5034, abs=2 * 1.146)
+    assert value["Fc"] == pytest.approx(20.3935, abs=2 * 0.1012)
+    assert value["offset"] == pytest.approx(-3.1648, abs=2 * 0.0444)
+
+
+def test_an_estimator_that_cannot_be_had_is_refused_in_words(tmp_path: Path) -> None:
+    # The study has no module and no reference: nothing but the angles tells its motion.
+    study = tmp_path / "study"
+    trials = tuple(replace(free_trial(f"free_0{k}", k), device=None) for k in (1, 2))
+    write_study(Study("angles", Setup(robot=RobotSetup("planar-2r-absolute", (L1, L2))), trials), study)
+    refused = CliRunner().invoke(cli, ["fit", str(study), "--estimator", "instruments"])
+    assert refused.exit_code != 0
+    said = " ".join(str(refused.exception or refused.output).split())
+    assert "there are no instruments" in said and "theta1_ref" in said
+    shown = run("fit", study, "--estimator", "auto")
+    assert "Estimated by least squares: it cannot be compared with anything" in " ".join(shown.output.split())
 
 
 def test_links_that_move_as_one_show_combinations_alone(tmp_path: Path) -> None:

@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from browser import Browser
 from click.testing import CliRunner, Result
 from impid_host.cli import cli
 from impid_host.diagnosis.events import Event
@@ -20,7 +19,9 @@ from impid_host.report.page.residual_plots import event_spans, residual_plots
 from impid_host.report.page.svg import svg, ticks
 from impid_host.samples import FLAG_RESET, DeviceSamples
 from impid_host.study.folder import write_study
-from small_study import K, study
+
+from tests.host.report.small_study import K, study
+from tests.host.view.browser import Browser
 
 PROBE = """<script>window.problems = [];
 addEventListener("error", (e) => problems.push(String(e.message)));
@@ -148,6 +149,10 @@ def test_every_word_has_contrast_and_an_impossible_result_cannot_be_missed(
         loaded(browser)
         assert browser.evaluate("problems") == []
         assert browser.evaluate(CONTRAST) == []
+        browser.resize(1200, 800, dark=True)
+        assert browser.evaluate("getComputedStyle(document.body).backgroundColor") == "rgb(20, 24, 27)"
+        assert browser.evaluate(CONTRAST) == []
+        browser.resize(1200, 800)
         seen = browser.evaluate(
             "(() => { const r = document.querySelector('.banner').getBoundingClientRect(); "
             "return [r.top, r.height, innerHeight]; })()"

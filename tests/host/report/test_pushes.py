@@ -15,7 +15,8 @@ from impid_host.report.page.residual_plots import load_residual_plots
 from impid_host.study.folder import write_study
 from impid_host.study.model import Study, Trial
 from matplotlib.text import Text
-from small_study import L1, L2, K, study
+
+from tests.host.report.small_study import L1, L2, K, study
 
 FORCE_N = np.array([4.0, -3.0])
 
@@ -80,7 +81,7 @@ def test_a_push_in_free_motion_moves_robot_and_load() -> None:
     assert {push.trial for push in pushes.found} == {"free_02"}
     assert pushes.robot is not None
     quiet = examined(study("quiet"))[0]
-    assert np.allclose(pushes.robot.parameters.value, quiet.robot.parameters.value, rtol=0.02)  # type: ignore[union-attr]
+    assert np.allclose(pushes.robot.parameters.value, quiet.robot.parameters.value, rtol=0.02)
     assert pushes.without(fit.loads[0]) is not None
 
 

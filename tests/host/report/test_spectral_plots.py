@@ -33,8 +33,8 @@ def test_impedance_lines_are_the_mean_over_the_trials(estimates, tmp_path):
     figure = impedance_figure({"16 segments": estimates}, model, "load")
     Z = (estimates[0].best.Z + estimates[1].best.Z) / 2
     line = figure.axes[1].lines[0]
-    np.testing.assert_allclose(line.get_ydata(), 20 * np.log10(np.abs(Z[:, 0, 1])))
-    np.testing.assert_allclose(line.get_xdata(), estimates[0].frequency_Hz[estimates[0].band])
+    np.testing.assert_allclose(np.asarray(line.get_ydata()), 20 * np.log10(np.abs(Z[:, 0, 1])))
+    np.testing.assert_allclose(np.asarray(line.get_xdata()), estimates[0].frequency_Hz[estimates[0].band])
     # the model has no coupling, so its panel shows the estimate alone
     assert [len(panel.lines) for panel in figure.axes] == [2, 1, 2, 1, 1, 2, 1, 2]
     figure.savefig(tmp_path / "f.png")
@@ -45,8 +45,8 @@ def test_coherence_panels_hold_partial_and_multiple_coherence(estimates, tmp_pat
     band = estimates[0].band
     partial = np.mean([e.best.partial_coherence[band] for e in estimates], axis=0)
     multiple = np.mean([e.best.multiple_coherence[band] for e in estimates], axis=0)
-    np.testing.assert_allclose(figure.axes[2].lines[0].get_ydata(), partial[:, 1, 0])
-    np.testing.assert_allclose(figure.axes[5].lines[0].get_ydata(), multiple[:, 1])
+    np.testing.assert_allclose(np.asarray(figure.axes[2].lines[0].get_ydata()), partial[:, 1, 0])
+    np.testing.assert_allclose(np.asarray(figure.axes[5].lines[0].get_ydata()), multiple[:, 1])
     figure.savefig(tmp_path / "f.png")
 
 
@@ -58,8 +58,8 @@ def test_every_trial_has_its_mark(tmp_path):
     figure = agreement_figure(results)
     yy = figure.axes[3].lines
     assert len(yy) == 4
-    assert all(len(line.get_ydata()) == 6 for line in yy)
-    assert {float(line.get_ydata()[0]) for line in yy} == {90.0, 91.0}
+    assert all(len(np.asarray(line.get_ydata())) == 6 for line in yy)
+    assert {float(np.asarray(line.get_ydata())[0]) for line in yy} == {90.0, 91.0}
     figure.savefig(tmp_path / "f.png")
 
 

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 from impid_host.signals.band import following, motion_band_hz
-from impid_host.signals.chain import DEFAULT, PUBLISHED, ZeroPhaseLowPass
+from impid_host.signals.chain import DEFAULT, PUBLISHED
+from impid_host.signals.filters import ZeroPhaseLowPass
 
 
 def sines(frequencies: np.ndarray, size: float, rate: float = 1000.0) -> tuple[np.ndarray, np.ndarray]:

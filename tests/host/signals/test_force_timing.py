@@ -45,7 +45,7 @@ def shaken(seed: int = 1, rows: int = 4000, noise_N: float = 0.01) -> dict[str, 
 
 
 def log_of(force: np.ndarray, p: np.ndarray | None = None) -> RobotLog:
-    t = PERIOD_S * np.arange(len(force))
+    t = PERIOD_S * np.arange(float(len(force)))
     zeros = np.zeros((len(force), 2))
     return RobotLog(t=t, theta=zeros, tau=zeros, force=force, perturbation=p)
 
@@ -62,7 +62,7 @@ def test_an_instant_beside_a_step_becomes_the_mean(how: str) -> None:
 
 def test_how_late_a_step_comes_is_found() -> None:
     parts = shaken(seed=1)
-    t = PERIOD_S * np.arange(len(parts["p"]))
+    t = PERIOD_S * np.arange(float(len(parts["p"])))
     for how, rows in (("after", 0.0), ("mean", 0.5), ("before", 1.0)):
         found = following(parts[how], parts["p"], t)
         assert found is not None

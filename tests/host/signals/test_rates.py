@@ -70,7 +70,8 @@ def module(rate_hz: float, seconds: float, *, felt_late_s: float = 0.0) -> Devic
     codes = np.round(volts / 3.3 * 65536).astype(np.uint16)
     rows = len(t)
     zeros = np.zeros(rows, dtype=np.uint8)
-    return DeviceSamples(t_us, np.arange(rows, dtype=np.uint32), *codes.T, *counts.T, zeros)
+    (ax, ay), (enc1, enc2) = codes.T, counts.T
+    return DeviceSamples(t_us, np.arange(rows, dtype=np.uint32), ax, ay, enc1, enc2, zeros)
 
 
 def robot(rate_hz: float, seconds: float) -> RobotLog:

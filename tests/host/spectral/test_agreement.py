@@ -28,7 +28,7 @@ def test_r_squared_sums_the_elements_before_it_divides():
 
 
 def test_vanishing_elements_are_not_a_number_and_do_not_spoil_the_rest():
-    Z_m = np.broadcast_to(100.0 * np.eye(2), (3, 2, 2)) + 0j
+    Z_m = np.broadcast_to(100.0 * np.eye(2), (3, 2, 2)).astype(np.complex128)
     result = agreement(FREQUENCY, Z_m + 0.01, Z_m, np.ones(Z_m.shape), 10.0)
     assert np.isnan(result.vaf_percent[0, 1])
     assert result.r_squared > 0.999

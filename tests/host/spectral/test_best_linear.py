@@ -58,10 +58,8 @@ def test_linear_system_with_noise_shows_noise_only():
 
 def test_false_alarms_stay_at_the_stated_rate():
     rng = np.random.default_rng(3)
-    p = [
-        best_linear_approximation(*_experiments(rng, 4, 3, lambda x: x, noise=0.1), FS, HARMONICS).p_value
-        for _ in range(300)
-    ]
+    draws = (_experiments(rng, 4, 3, lambda x: x, noise=0.1) for _ in range(300))
+    p = [best_linear_approximation(u, y, FS, HARMONICS).p_value for u, y in draws]
     assert np.mean(np.array(p) < 0.05) == pytest.approx(0.05, abs=0.035)
 
 

@@ -93,11 +93,10 @@ def test_the_published_fit_s_intervals_take_its_bias_into_account(truth):
         mended.append((_parameters(fit) - fit.bias.ravel() - _true(truth)) / _deviations(fit))
         centre = np.concatenate([fit.ci95(name).mean(axis=2).ravel() for name in "MBK"])
         np.testing.assert_allclose(centre, _parameters(fit) - fit.bias.ravel(), rtol=1e-12)
-    plain, mended = np.array(plain), np.array(mended)
-    assert np.max(np.abs(plain.mean(axis=0))) > 1.0
+    assert np.max(np.abs(np.mean(plain, axis=0))) > 1.0
     # means of twelve: each stays below 3.5 standard errors
-    assert np.max(np.abs(mended.mean(axis=0))) < 3.5 / np.sqrt(12)
-    assert np.sqrt(np.mean(mended**2)) == pytest.approx(1.0, abs=0.25)
+    assert np.max(np.abs(np.mean(mended, axis=0))) < 3.5 / np.sqrt(12)
+    assert np.sqrt(np.mean(np.square(mended))) == pytest.approx(1.0, abs=0.25)
 
 
 def test_virtual_force_correlates_with_position_noise_and_only_the_derived_estimate_withstands(truth):

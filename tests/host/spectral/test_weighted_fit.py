@@ -53,10 +53,9 @@ def test_all_twelve_parameters_are_unbiased_and_sharper_than_as_published(truth,
         response = estimate_spectral(trials, truth.FS, setting, surrogates=12).derived
         z.append((_vector(response.weighted_fit) - true) / _vector(response.weighted_fit, "_sd"))
         ratio.append(_vector(response.weighted_fit, "_sd") / _vector(response.fit, "_sd"))
-    z = np.array(z)
     # 144 values: errors as large as stated, and no parameter's mean off by its own deviation
-    assert 0.8 < np.sqrt(np.mean(z**2)) < 1.2
-    assert np.max(np.abs(z.mean(axis=0))) < 1.0
+    assert 0.8 < np.sqrt(np.mean(np.square(z))) < 1.2
+    assert np.max(np.abs(np.mean(z, axis=0))) < 1.0
     assert np.all(np.mean(ratio, axis=0) < 1.0)
     assert np.mean(np.array(ratio)[:, :8]) < 0.5
 

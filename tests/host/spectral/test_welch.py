@@ -98,8 +98,7 @@ def test_scatter_of_white_noise_is_that_of_the_independent_averages(truth):
     for _ in range(600):
         x = rng.standard_normal((1500, 1))
         estimates.append(cross_spectra(x, x, truth.FS, setting)[1][20:100, 0, 0].real)
-    estimates = np.array(estimates)
-    averages = estimates.mean() ** 2 / estimates.var(axis=0).mean()
+    averages = np.mean(estimates) ** 2 / np.var(estimates, axis=0).mean()
     assert averages == pytest.approx(independent_averages(setting, 1500), rel=0.06)
 
 

@@ -224,3 +224,19 @@ def test_another_modules_bursts_are_taken_apart(study_folder: Path) -> None:
     off_us = device.t_us.astype(np.float64) - true_us
     assert len(off_us) == 4000
     assert np.std(off_us) < 100
+
+
+def test_what_the_controller_was_told_is_read_and_written(study_folder: Path, tmp_path: Path) -> None:
+    log = study_folder / "free_01" / "robot.csv"
+    header, *rows = log.read_text().splitlines()
+    told = [f"{row},{0.1 * k},{-0.2 * k}" for k, row in enumerate(rows)]
+    log.write_text("\n".join([f"{header},theta1_ref,theta2_ref", *told]) + "\n")
+    study = read_study(study_folder)
+    reference = study.trials[0].robot.reference
+    assert reference is not None
+    np.testing.assert_allclose(reference, np.outer(np.arange(len(rows)), [0.1, -0.2]))
+    again = read_study(write_study(study, tmp_path / "again")).trials[0].robot.reference
+    np.testing.assert_array_equal(again, reference)
+    log.write_text("\n".join([f"{header},theta1_ref", *(f"{row},0.1" for row in rows)]) + "\n")
+    with pytest.raises(InputError, match="has column theta1_ref but no theta2_ref"):
+        read_study(study_folder)

@@ -80,7 +80,7 @@ def run(tmp_path: Path, mapping: str, *logs: Path) -> RobotLog:
     ("name", "write"),
     [("a.csv", write_csv), ("a.parquet", write_parquet), ("a.mat", write_mat5), ("b.mat", write_mat73)],
 )
-def test_the_same_log_in_every_format(tmp_path: Path, name: str, write) -> None:  # type: ignore[no-untyped-def]
+def test_the_same_log_in_every_format(tmp_path: Path, name: str, write) -> None:
     write(tmp_path / name)
     check(run(tmp_path, MAPPING, tmp_path / name))
 

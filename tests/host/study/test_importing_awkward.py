@@ -83,7 +83,7 @@ def structure_with_time_v73(path: Path) -> None:
 
 
 @pytest.mark.parametrize("write", [structure_with_time_v7, structure_with_time_v73])
-def test_simulinks_structure_with_time(tmp_path: Path, write) -> None:  # type: ignore[no-untyped-def]
+def test_simulinks_structure_with_time(tmp_path: Path, write) -> None:
     write(tmp_path / "log.mat")
     robot = imported(tmp_path, PLANAR, tmp_path / "log.mat").trials[0].robot
     np.testing.assert_array_equal(robot.t, T)

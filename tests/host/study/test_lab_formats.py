@@ -9,6 +9,7 @@ import ezc3d
 import numpy as np
 import pytest
 from impid_host.errors import InputError
+from impid_host.samples import ForeignSamples
 from impid_host.study.foreign_log import open_log
 from impid_host.study.importing import import_logs
 
@@ -119,6 +120,8 @@ kind = "free"
     (trial,) = import_logs([log], tmp_path / "map.toml", "study").trials
     assert trial.device is not None
     assert trial.device.t_us == pytest.approx(np.round((0.3 + later) * 1e6), abs=2)
+    assert isinstance(trial.device, ForeignSamples)
+    assert trial.device.acceleration is not None
     assert np.array_equal(trial.device.acceleration, FELT[:250])
     assert len(trial.robot) == ROWS
 

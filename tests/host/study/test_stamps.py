@@ -12,7 +12,7 @@ from impid_host.study.text_clock import across_midnight, clock_seconds
 
 ROWS = 30_000
 PERIOD_S = 1.00007e-3
-TRUE = 12.3 + PERIOD_S * np.arange(ROWS)
+TRUE = 12.3 + PERIOD_S * np.arange(float(ROWS))
 
 
 def arrivals(t: np.ndarray, every_s: float, jitter_s: float, *, apart_s: float = 0.0) -> np.ndarray:
@@ -219,14 +219,14 @@ def test_midnight() -> None:
 @pytest.mark.parametrize("lost", [1, 25])
 def test_what_moved_tells_a_lost_row_from_a_coarse_clock(period_s: float, lost: int) -> None:
     # Either way nearly all steps are one period of a round length, and a few are two.
-    rows = np.arange(6000)
+    rows = np.arange(6000.0)
     missing = np.sort(np.random.default_rng(11).choice(rows[100:-100], lost, replace=False))
     kept = np.delete(rows, missing)
     stamps = 0.0004 + period_s * kept
     counts = 2 * np.pi / 131_072
     assert recovered(stamps, counts * np.round(moving(stamps) / counts)) is None
     # The same stamps, and no row missing: the rows' clock is a little slow.
-    times = 0.0004 + (stamps[-1] - stamps[0]) / (len(stamps) - 1) * np.arange(len(stamps))
+    times = 0.0004 + (stamps[-1] - stamps[0]) / (len(stamps) - 1) * np.arange(float(len(stamps)))
     again = recovered(stamps, counts * np.round(moving(times) / counts))
     if lost == 1:  # one longer step is where a clock that rounds would put it, or anywhere
         assert again is None or again[1].missing_rows == 0

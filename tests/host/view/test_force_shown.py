@@ -7,7 +7,7 @@ from impid_host.view.force_shown import ForceShown
 FIRST_US = 5_000_000
 
 
-def rows(t: np.ndarray, force: np.ndarray) -> dict:
+def rows(t: np.ndarray, force: np.ndarray) -> dict[str, object]:
     return {"kind": "force", "board_s": (5.0 + t).tolist(), "force": force.tolist()}
 
 

@@ -14,15 +14,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from boards import PtyBoard
-from browser import Browser
 from impid_host.errors import LinkError
 from impid_host.recording.reader import read_recording
 from impid_host.samples import DeviceSamples
 from impid_host.view.live_view import LiveView
 from impid_host.view.scale import scale_of
 from impid_host.wire.records import Decoded, Segment
-from many_tabs import ManyTabs
+
+from tests.host.recording.boards import PtyBoard
+from tests.host.view.browser import Browser
+from tests.host.view.many_tabs import ManyTabs
 
 SCALE = scale_of(None, {}, 65536)
 PROGRAM = [sys.executable, "-c", "from impid_host.cli import main; main()", "record"]

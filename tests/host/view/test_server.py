@@ -5,11 +5,15 @@ import socket
 
 import pytest
 from aiohttp import web
-from aiohttp.test_utils import TestClient, TestServer
+from aiohttp.test_utils import BaseTestServer, TestClient, TestServer
 from impid_host.view import server
 from impid_host.view.scale import scale_of
 from impid_host.view.server import View
 from impid_host.view.stream import Stream
+
+
+def tab(serving: BaseTestServer) -> TestClient[web.Request, None]:
+    return TestClient(serving)
 
 
 def view() -> View:
@@ -23,7 +27,7 @@ def test_a_tab_that_takes_nothing_is_dropped_and_the_others_stay(monkeypatch: py
     monkeypatch.setattr(own, "_state", lambda _now: {"points": "x" * 400_000})
 
     async def look() -> int:
-        async with TestServer(own.application()) as serving, TestClient(serving) as client:
+        async with TestServer(own.application()) as serving, tab(serving) as client:
             good = await client.ws_connect("/ws")
             reading = asyncio.create_task(_drain(good))
             deaf = socket.create_connection(("127.0.0.1", serving.port))
@@ -52,7 +56,7 @@ def test_there_is_a_last_seat(monkeypatch: pytest.MonkeyPatch) -> None:
     own = view()
 
     async def look() -> int:
-        async with TestServer(own.application()) as serving, TestClient(serving) as client:
+        async with TestServer(own.application()) as serving, tab(serving) as client:
             seats = [await client.ws_connect("/ws") for _ in range(3)]
             answer = await client.get("/ws", headers={"Upgrade": "websocket", "Connection": "Upgrade"})
             for seat in seats:

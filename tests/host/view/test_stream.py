@@ -1,5 +1,7 @@
 """What the live page is told: units, means, spectrum and lamp, by arithmetic of the test's own."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 from impid_host.samples import FLAG_ENCODER_FAULT, FLAG_SATURATED
@@ -17,7 +19,7 @@ SETUP = Setup(
 TOLD = {"connected": True, "lost": 0, "damaged": 0, "elapsed_s": 20.0, "clock": "+21 ppm"}
 
 
-def piece(index: np.ndarray, ax=32768, enc1=0, run: int = 1) -> dict:
+def piece(index: np.ndarray, ax=32768, enc1=0, run: int = 1) -> dict[str, Any]:
     """One of 1 kHz, with the same code or an array on the first axis."""
     ones = np.ones(len(index), dtype=int)
     return {

@@ -4,6 +4,7 @@ import json
 from collections import Counter
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -20,7 +21,7 @@ def raw() -> bytes:
 
 
 @pytest.fixture(scope="module")
-def told() -> list[dict]:
+def told() -> list[dict[str, Any]]:
     return json.loads((GOLDEN / "serial.json").read_text())["frames"]
 
 
@@ -36,7 +37,7 @@ def decode(pieces: list[bytes]) -> tuple[SerialDecoder, Decoded]:
     )
 
 
-def test_every_sample_is_as_the_board_says(raw: bytes, told: list[dict]) -> None:
+def test_every_sample_is_as_the_board_says(raw: bytes, told: list[dict[str, Any]]) -> None:
     _, decoded = decode([raw])
     assert len(decoded.segments) == 1
     got = decoded.segments[0].samples
@@ -50,7 +51,7 @@ def test_every_sample_is_as_the_board_says(raw: bytes, told: list[dict]) -> None
     assert got.seq.tolist() == seq
 
 
-def test_index_is_unwrapped_and_the_gap_is_counted(raw: bytes, told: list[dict]) -> None:
+def test_index_is_unwrapped_and_the_gap_is_counted(raw: bytes, told: list[dict[str, Any]]) -> None:
     """The vectors start 16 samples before 2^32, and one gap lies where the board's main loop stalled."""
     decoder, decoded = decode([raw])
     index = decoded.segments[0].index
@@ -79,7 +80,7 @@ def test_any_cut_into_pieces_gives_the_same(raw: bytes) -> None:
         )
 
 
-def test_nothing_is_lost_or_damaged(raw: bytes, told: list[dict]) -> None:
+def test_nothing_is_lost_or_damaged(raw: bytes, told: list[dict[str, Any]]) -> None:
     decoder, decoded = decode([raw])
     counts = decoder.counts
     assert (counts.bad_frames, counts.bytes_discarded, counts.lost_frames, counts.inconsistent) == (
@@ -110,5 +111,5 @@ def test_the_session_of_a_board_without_the_eighth_status_is_read_as_before(raw:
     assert older.responses == today.responses
     assert [s.line_errors for s in older.statuses] == [None] * len(today.statuses)
     assert [s.line_errors for s in today.statuses] == [0] * len(today.statuses)
-    uncounted = dict.fromkeys(("line_errors", "can_overruns", "adc_overruns", "dma_errors"))
+    uncounted: dict[str, Any] = dict.fromkeys(("line_errors", "can_overruns", "adc_overruns", "dma_errors"))
     assert older.statuses == tuple(replace(status, **uncounted) for status in today.statuses)

@@ -66,7 +66,7 @@ def streams() -> list[bytes]:
 
 
 def decoded(data: bytes, pieces: list[int], *, in_c: bool) -> list[object]:
-    decoder, out = SerialDecoder(Deframer(native=in_c)), []
+    decoder, out = SerialDecoder(Deframer(native=in_c)), list[object]()
     at = 0
     for size in pieces:
         part = decoder.feed(data[at : at + size])

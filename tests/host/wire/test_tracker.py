@@ -63,5 +63,7 @@ def test_only_the_new_part_of_an_echo_is_taken() -> None:
 
 def test_nothing() -> None:
     assert Tracker().place(groups((1, 0, 0, 10)))[0]
-    empty = Groups(*(np.zeros(0, t) for t in (np.uint16, np.uint32, np.uint64, np.uint8)))
+    empty = Groups(
+        np.zeros(0, np.uint16), np.zeros(0, np.uint32), np.zeros(0, np.uint64), np.zeros(0, np.uint8)
+    )
     assert Tracker().place(empty) == ([], [])

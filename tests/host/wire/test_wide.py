@@ -82,7 +82,7 @@ def frames(table: dict[str, np.ndarray]) -> list[tuple[int, bytes]]:
 
 def decoded(sent: list[tuple[int, bytes]], pieces: list[int]) -> tuple[tuple[Segment, ...], CanDecoder]:
     """The segments of a bus whose frames arrive in pieces that end there."""
-    decoder, segments = CanDecoder(), []
+    decoder, segments = CanDecoder(), list[Segment]()
     for start, stop in pairwise([0, *pieces, len(sent)]):
         part = sent[start:stop]
         identifiers = np.array([identifier for identifier, _ in part], dtype=np.uint16)
@@ -131,7 +131,8 @@ def test_a_narrow_board_after_a_wide_one_on_the_same_line() -> None:
     first, second = SerialDecoder().feed(wire).segments
     same(first.samples, table)
     assert second.samples.az is None
-    assert (second.samples.ax.tolist(), second.samples.ax.dtype) == ([100, 101, 102], np.uint16)
+    assert second.samples.ax.tolist() == [100, 101, 102]
+    assert second.samples.ax.dtype == np.uint16
 
 
 @pytest.mark.parametrize("seed", range(6))

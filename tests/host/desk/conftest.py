@@ -1,6 +1,0 @@
-"""The boards of the recording tests."""
-
-import sys
-from pathlib import Path
-
-sys.path.insert(0, str(Path(__file__).parents[1] / "recording"))

@@ -1,7 +1,0 @@
-"""The small study of these tests, and the browser of the view's."""
-
-import sys
-from pathlib import Path
-
-HERE = Path(__file__).parent
-sys.path[:0] = [str(HERE), str(HERE.parent / "view")]

@@ -1,6 +1,0 @@
-"""The small study of the report's tests."""
-
-import sys
-from pathlib import Path
-
-sys.path.insert(0, str(Path(__file__).parents[1] / "report"))

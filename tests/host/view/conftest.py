@@ -1,7 +1,0 @@
-"""The boards of the recording tests, and the browser."""
-
-import sys
-from pathlib import Path
-
-HERE = Path(__file__).parent
-sys.path[:0] = [str(HERE), str(HERE.parent / "recording")]
