@@ -80,9 +80,9 @@ validate: $(STAMP) ## the long forms, with their figures written to docs/validat
 	$(BIN)/python scripts/validate/measured_diagnosis.py
 	$(BIN)/python scripts/validate/planted.py
 	@mkdir -p build
-	$(BIN)/python bench/diagnosis_validation.py run build/diagnosis.jsonl --first-seed 1700000 --jobs 2
+	$(BIN)/python bench/diagnosis_validation.py run build/diagnosis.jsonl --first-seed 1800000 --jobs 2
 	$(BIN)/python bench/diagnosis_validation.py table build/diagnosis.jsonl \
-	  --command 'bench/diagnosis_validation.py run build/diagnosis.jsonl --first-seed 1700000 --jobs 2' \
+	  --command 'bench/diagnosis_validation.py run build/diagnosis.jsonl --first-seed 1800000 --jobs 2' \
 	  --markdown docs/validation/diagnosis.md --json docs/validation/diagnosis.json \
 	  --diagram docs/validation/diagnosis_reliability.png
 
