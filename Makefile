@@ -7,7 +7,7 @@ STAMP  := $(VENV)/.installed
 LOCK   := requirements.lock
 C_SOURCES := $(wildcard firmware/core/*.[ch] firmware/generated/*.[ch] firmware/boards/native/*.[ch] hil_sim/plant/*.[ch] hil_sim/board/elf/*.[ch])
 
-.PHONY: help setup lock demo docs test lint firmware test-python test-firmware validate bench clean
+.PHONY: help setup lock demo docs test lint firmware test-python test-firmware coverage validate bench clean
 
 help: ## print this list
 	@grep -E '^[a-z-]+:.*## ' $(firstword $(MAKEFILE_LIST)) | sed -E 's/^([a-z-]+):.*## /  make \1\t/' | expand -t 24
@@ -63,6 +63,9 @@ test-firmware: firmware
 test-python: $(STAMP)
 	scripts/system_packages.sh
 	$(BIN)/pytest -n 2 --dist loadfile -q
+
+coverage: $(STAMP) ## lines of the host that no test runs; fails below 90 %
+	$(BIN)/pytest -n 2 --dist loadfile -q tests/host tests/docs tests/protocol tests/bench --cov --cov-report=term-missing:skip-covered
 
 validate: $(STAMP) ## the long forms, with their figures written to docs/validation (several hours)
 	@PATH="$(CURDIR)/$(BIN):$$PATH" scripts/validate_recording.sh
