@@ -11,6 +11,7 @@ run() {
 
 for carrier in pty tcp slcan udp_multicast; do run faults "$carrier"; done
 run kill
+run kill 40 stalled
 run disk
 run day
 run day_file

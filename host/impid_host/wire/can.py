@@ -9,23 +9,22 @@ is not used, because a guess could splice two boots.
 The bus carries no time of sending for statuses and answers; theirs is that of the latest sample.
 """
 
-from collections.abc import Iterable
 from dataclasses import astuple, dataclass, field, replace
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from impid_host.samples import DeviceSamples
 from impid_host.wire import native_can
-from impid_host.wire.can_dates import UNDATED, Date, date_of, forget_at_resets
+from impid_host.wire.can_dates import MASK32, UNDATED, Date, Placed, date_of, forget_at_resets
+from impid_host.wire.can_statuses import STATUS_ALWAYS, STATUS_LAST, RegularSets, regular_sets
 from impid_host.wire.decoder import LinkCounts, device_samples
 from impid_host.wire.messages import (
     ACCEL,
     ACCEL_FINE,
     ENCODER,
     EPOCH,
-    FIRST_STATUSES,
     FLAG_FINE,
     HEADER,
     OPCODE,
@@ -43,9 +42,6 @@ from impid_host.wire.records import Decoded, Loss, NewRun, Pong, Response, Segme
 from impid_host.wire.statuses import Statuses, scalars
 from impid_host.wire.tracker import Groups, Position, Tracker
 
-_MASK32 = 0xFFFFFFFF
-_STATUS_ALWAYS = {layout.frame_id for layout in STATUS[:FIRST_STATUSES]}
-_STATUS_LAST = max(_STATUS_ALWAYS)
 _DATING = (TIME.frame_id, EPOCH.frame_id, RESPONSE.frame_id)
 _ANSWERS = {layout.frame_id: layout for layout in (*STATUS, RESPONSE, PONG)}
 _DATA = (ACCEL.frame_id, ENCODER.frame_id, ACCEL_FINE.frame_id)
@@ -64,29 +60,6 @@ class _Halves:
     position: NDArray[np.intp]
 
 
-@dataclass(frozen=True, slots=True)
-class _Placed:
-    """Where the samples of a piece stood in it and what they say, each (N,); `before` is the one in front."""
-
-    position: NDArray[np.intp]
-    boot_id: NDArray[np.uint16]
-    t_us: Words
-    index: NDArray[np.unsignedinteger[Any]]
-    before: tuple[int, int, int]
-
-    @classmethod
-    def none(cls, before: tuple[int, int, int] = (0, 0, 0)) -> Self:
-        nothing = np.zeros(0, np.uint64)
-        return cls(np.zeros(0, np.intp), np.zeros(0, np.uint16), nothing, nothing, before)
-
-    def latest(self, position: int) -> tuple[int, int, int]:
-        """Boot, time and next index as the latest sample before that position has them."""
-        n = int(np.searchsorted(self.position, position)) - 1
-        if n < 0:
-            return self.before
-        return int(self.boot_id[n]), int(self.t_us[n]), (int(self.index[n]) + 1) & _MASK32
-
-
 @dataclass(slots=True)
 class CanDecoder:
     """Decoder of one bus; feed it frames in order of arrival."""
@@ -102,7 +75,7 @@ class CanDecoder:
     _date: Date | None = None
     _date_used: bool = False
     _last: tuple[int, int, int] = (0, 0, 0)  # boot_id, t_us, next index of the latest sample
-    _samples_of_piece: _Placed = field(default_factory=_Placed.none)
+    _samples_of_piece: Placed = field(default_factory=Placed.none)
     _start_index: int | None = None
     _open_start: list[tuple[int, int]] = field(default_factory=list)  # position -1, value of the last START
     _status: dict[int, int] = field(default_factory=dict)
@@ -145,8 +118,8 @@ class CanDecoder:
         known = [date for date in dates if date is not None]
         segments, events = self._place(halves, known, breaks, [*self._open_start, *starts])
         self._open_start = [(-1, value) for _, value in (*self._open_start, *starts)[-1:]]
-        came = zip(others.tolist(), identifiers[others].tolist(), words[others].tolist(), strict=True)
-        return Decoded(tuple(segments), *self._answers(came), tuple(events))
+        answers = self._answers(others, identifiers[others], words[others])
+        return Decoded(tuple(segments), *answers, tuple(events))
 
     def follow(self, frames: NDArray[np.void]) -> Decoded | None:
         """What CAN_FRAMEs (N,) complete, in one pass in C, where all goes on from where the bus stands; None:
@@ -174,12 +147,11 @@ class CanDecoder:
         self._go_on(found, stands)
         others = frames[found.others]
         words = np.frombuffer(others["data"].tobytes(), "<u8")
-        came = zip(found.others.tolist(), others["identifier"].tolist(), words.tolist(), strict=True)
         segments: tuple[Segment, ...] = ()
         if len(found.at):
             samples = DeviceSamples(**found.samples)
             segments = (Segment(stands.boot_id, stands.run, found.numbers, samples),)
-        return Decoded(segments, *self._answers(came))
+        return Decoded(segments, *self._answers(found.others, others["identifier"], words))
 
     def _go_on(self, found: native_can.Followed, stands: Position) -> None:
         """Stand behind what was found."""
@@ -194,7 +166,7 @@ class CanDecoder:
             self._date_used = bool(count) and not bus.date_unused
         self._tracker.go_on(count, bus.t_us)
         boots = np.full(count, stands.boot_id, np.uint16)
-        self._samples_of_piece = _Placed(
+        self._samples_of_piece = Placed(
             found.at, boots, found.samples["t_us"], found.samples["seq"], self._last
         )
         self._last = self._samples_of_piece.latest(_BEHIND_ALL)
@@ -269,7 +241,7 @@ class CanDecoder:
             self._date = None
         dated = np.flatnonzero(which != UNDATED)
         self._undated += len(which) - len(dated)
-        self._samples_of_piece = _Placed.none(self._last)
+        self._samples_of_piece = Placed.none(self._last)
         if not len(dated):
             return [], []
         which = which[dated]
@@ -277,7 +249,7 @@ class CanDecoder:
         base = np.array([d.index for d in dates], dtype=np.int64)[which]
         # The nearest index with these low bits: a first half may have come just before its date.
         since = (low16.astype(np.int64) - base + 0x8000) % 0x10000 - 0x8000
-        index = ((base + since) & _MASK32).astype(np.uint64)
+        index = ((base + since) & MASK32).astype(np.uint64)
         dated_us = np.array([d.t_us for d in dates], dtype=np.int64)[which]
         t_us = (dated_us + since * SAMPLE_PERIOD_US).astype(np.uint64)
         boot = np.array([d.boot_id for d in dates], dtype=np.uint16)[which]
@@ -289,43 +261,77 @@ class CanDecoder:
             numbered = np.uint64(span.first_index) + np.arange(span.stop - span.start, dtype=np.uint64)
             samples = device_samples(t_us[rows], index[rows], words[rows])
             segments.append(Segment(span.boot_id, span.run, numbered, samples))
-        self._samples_of_piece = _Placed(halves.position[dated], boot, t_us, index, self._last)
+        self._samples_of_piece = Placed(halves.position[dated], boot, t_us, index, self._last)
         self._last = self._samples_of_piece.latest(_BEHIND_ALL)
         began = {span.run: int(halves.position[dated][span.start]) for span in reversed(spans)}
         return segments, [_with_start(event, began, starts) for event in events]
 
     def _answers(
-        self, came: Iterable[tuple[int, int, int]]
+        self, at: NDArray[np.intp], identifiers: NDArray[np.unsignedinteger[Any]], words: Words
     ) -> tuple[Statuses | tuple[()], tuple[Response, ...], tuple[Pong, ...]]:
-        """Of frames: where in the piece it stood, identifier, word."""
-        told: list[tuple[tuple[int, int, int], list[int]]] = []
+        """Of frames that are no data (N,): where in the piece they stood, what they are, what they say."""
         responses: list[Response] = []
         pongs: list[Pong] = []
-        for at, identifier, word in came:
+        # A START amid them changes what those behind it count from.
+        began = any(_starts(scalars(RESPONSE, int(w))) for w in words[identifiers == RESPONSE.frame_id])
+        regular = None if began else regular_sets(identifiers, words)
+        came = np.arange(len(at))
+        if regular is None:
+            said = [self._answer_each(came, at, identifiers, words, responses, pongs)]
+        else:
+            first = regular.frames[0]
+            left = np.setdiff1d(came, regular.frames, assume_unique=True)
+            said = [self._answer_each(left[left < first], at, identifiers, words, responses, pongs)]
+            said.append(self._regular(regular, at))
+            said.append(self._answer_each(left[left > first], at, identifiers, words, responses, pongs))
+        parts = [part for part in said if len(part)]
+        return Statuses.joined(parts) if parts else (), tuple(responses), tuple(pongs)
+
+    def _regular(self, sets: RegularSets, at: NDArray[np.intp]) -> Statuses:
+        """The statuses of sets that are all there; `at` is where each frame stood."""
+        self._good += len(sets.frames)
+        headers = np.zeros(len(sets.last), HEADER)
+        latest = self._samples_of_piece.latest_each(at[sets.last])
+        headers["boot_id"], headers["t0_us"], headers["first_index"] = latest
+        if self._start_index is not None:
+            produced = STATUS[0].unpack(sets.words[:, 0])["produced"]
+            headers["first_index"] = (np.uint64(self._start_index) + produced) & np.uint64(MASK32)
+        return Statuses(headers, sets.words, np.full(len(headers), sets.sent, np.int64))
+
+    def _answer_each(
+        self,
+        which: NDArray[np.intp],
+        at: NDArray[np.intp],
+        identifiers: NDArray[np.unsignedinteger[Any]],
+        words: Words,
+        responses: list[Response],
+        pongs: list[Pong],
+    ) -> Statuses:
+        """The statuses among those frames; responses and pongs are added to."""
+        told: list[tuple[tuple[int, int, int], list[int]]] = []
+        asked = (each[which].tolist() for each in (at, identifiers, words))
+        for place, identifier, word in zip(*asked, strict=True):
             layout = _ANSWERS.get(identifier)
             if layout is None:
                 continue
             self._good += 1
             if layout is RESPONSE:
-                responses.append(self._response(scalars(RESPONSE, word), at))
+                responses.append(self._response(scalars(RESPONSE, word), place))
             elif layout is PONG:
-                pongs.append(self._pong(scalars(PONG, word), at))
+                pongs.append(self._pong(scalars(PONG, word), place))
             else:
-                self._status_part(identifier, word, at, told)
-        if not told:
-            return (), tuple(responses), tuple(pongs)
+                self._status_part(identifier, word, place, told)
         headers = np.zeros(len(told), HEADER)
         for n, (header, _) in enumerate(told):
             headers[n]["boot_id"], headers[n]["t0_us"], headers[n]["first_index"] = header
-        rows = [(n, np.array(parts, np.uint64)) for n, (_, parts) in enumerate(told)]
-        return Statuses.of(headers, rows), tuple(responses), tuple(pongs)
+        return Statuses.of(headers, [(n, np.array(parts, np.uint64)) for n, (_, parts) in enumerate(told)])
 
     def _response(self, signals: dict[str, int], at: int) -> Response:
         boot_id, t_us, next_index = self._samples_of_piece.latest(at)
         if _starts(signals):
             self._start_index = next_index = signals["value"]
         elif signals["opcode"] == OPCODE["STOP"] and self._start_index is not None:
-            next_index = (self._start_index + signals["value"]) & _MASK32  # its value is the samples produced
+            next_index = (self._start_index + signals["value"]) & MASK32  # its value is the samples produced
         return Response(boot_id, t_us, next_index, **signals)
 
     def _pong(self, signals: dict[str, int], at: int) -> Pong:
@@ -342,13 +348,13 @@ class CanDecoder:
         if identifier == STATUS[0].frame_id:
             self._status.clear()
         self._status[identifier] = word
-        if identifier != _STATUS_LAST or not self._status.keys() >= _STATUS_ALWAYS:
+        if identifier != STATUS_LAST or not self._status.keys() >= STATUS_ALWAYS:
             return
         parts = [self._status[layout.frame_id] for layout in STATUS if layout.frame_id in self._status]
         self._status.clear()
         boot_id, t_us, next_index = self._samples_of_piece.latest(at)
         if self._start_index is not None:
-            next_index = (self._start_index + scalars(STATUS[0], parts[0])["produced"]) & _MASK32
+            next_index = (self._start_index + scalars(STATUS[0], parts[0])["produced"]) & MASK32
         told.append(((boot_id, t_us, next_index), parts))
 
 

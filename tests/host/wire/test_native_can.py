@@ -84,7 +84,7 @@ def streams() -> dict[str, NDArray[np.void]]:
         "fine": set_words(whole, accel[1300:1303], 1 << 5 << shift),
         "flipped": set_words(whole, some(0.01, count), 1 << 40),
         "dates": set_words(set_words(whole, time[7:9], 64), epoch[12:15], 1 << 33),
-        "boots": np.concatenate([whole, board_frames(10), whole[: count // 3]]),
+        "boots": np.concatenate([whole, board_frames(10), whole[: count // 3]]).astype(CAN_FRAME),
     }
 
 
@@ -125,6 +125,16 @@ def test_a_stream_that_is_resumed_is_decoded_alike() -> None:
     sizes = [97] * (len(frames) // 97 + 1)
     mine, theirs = (decoded(frames, sizes, position, in_c=in_c) for in_c in (True, False))
     assert mine == theirs
+
+
+def test_statuses_taken_together_are_those_taken_one_by_one() -> None:
+    for name, frames in streams().items():
+        once, by_ten = CanBytesDecoder(native=False), CanBytesDecoder(native=False)
+        mine = list(once.feed(frames.tobytes()).statuses)
+        parts = [by_ten.feed(frames[at : at + 10].tobytes()) for at in range(0, len(frames), 10)]
+        theirs = [status for part in parts for status in part.statuses]
+        assert len(theirs) > 10, name
+        assert mine == theirs, name
 
 
 def test_most_of_a_whole_stream_goes_through_c(monkeypatch: pytest.MonkeyPatch) -> None:
