@@ -218,11 +218,11 @@ class Walk:
         )
 
     def is_possible(self, own: Explanation) -> bool:
-        """Every name has parameters within its bounds when all are fitted together."""
+        """Every term has parameters within its bounds when all are fitted together."""
         return not self.impossible(own)
 
     def impossible(self, own: Explanation) -> list[int]:
-        """The names of the set whose parameters are out of their bounds when all are fitted together."""
+        """The terms of the set whose parameters are out of their bounds when all are fitted together."""
         first, result = 0, []
         for s in own.slots:
             slot = self.table.slots[s]
@@ -233,7 +233,7 @@ class Walk:
                 if slot.term.by_model
                 else possible(slot.term, beta, slot.shape)
             )
-            if slot.term.named and not inside:
+            if not inside:
                 result.append(s)
             first += slot.term.size
         return result

@@ -128,8 +128,8 @@ def with_last_stage(judged: Judged, bench: Bench) -> Judged:
     unnamed = [part for s, part in _parts(choice).items() if s in choice.unnamed]
     curves = tuple(curves_beside(bench.case, [part for part in unnamed if carries_over(part)], bench.taps))
     evidence = replace(_NO_NAME, share_of_residual=min(1.0, sum(row.share for row in left)))
-    tried = [(*judged.resembled, *curves), curves, ()] if judged.resembled else [curves, ()]
-    for more in tried:
+    both = (*judged.resembled, *curves) if judged.resembled and curves else ()
+    for more in [*(own for own in (both, judged.resembled, curves) if own), ()]:
         fit = bench.fit([*judged.last.chosen, *judged.opened, *more])
         stage = bench.stage(fit, unattributed(on, more, evidence))
         if not more or not (worse(stage.rms, stages[-1].rms) or looser(stage, stages[-1])):

@@ -6,6 +6,7 @@ in every channel that is measured.
 """
 
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -135,7 +136,9 @@ def _wandering_gain(parts: Sequence[View], joint: int, count: int) -> Term:
         return on_channel(view, TORQUE, joint, basis * view.torque_model[:, [joint]])
 
     each = Each(columns, count, tuple(view.name for view in parts), lambda view: view.name)
-    return unnamed(f"tau{joint + 1}", "time", each, count * len(parts), f"{EACH} by {count}")
+    wander = unnamed(f"tau{joint + 1}", "time", each, count * len(parts), f"{EACH} by {count}")
+    # More than the whole torque is no gain: a joint without a drive would be given any.
+    return replace(wander, gate=lambda beta, _shape: bool(np.max(np.abs(beta)) < 1.0))
 
 
 def course_basis(t: Floats, count: int) -> Floats:
