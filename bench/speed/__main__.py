@@ -1,4 +1,4 @@
-"""`python -m bench.speed [--out PAGE] [--only WORD] [--quick]`: every row beside its peer, the curves, the machine."""
+"""`python -m bench.speed [--out PAGE] [--only PART]`: every row beside its peer, the curves, the machine."""
 
 import argparse
 import os

@@ -205,6 +205,7 @@ def _signals(layout: MessageLayout, names: tuple[str, ...]) -> list[dict[str, in
     return [dict(zip(("shift", "mask"), layout.fields[name], strict=True)) for name in names]
 
 
+SAMPLES: Any = None  # of the C side; nothing without it
 if available:
     _FRAMES = _frame_layout()
     SAMPLES = ffi.new(

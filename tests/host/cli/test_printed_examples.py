@@ -20,7 +20,13 @@ def test_the_example_of_import(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
     found = re.search(r"impid-host (import DATA_EMPS\.mat --mapping (\S+) --out \S+)", shown)
     assert found is not None
     t = np.arange(300) * 1e-3
-    variables = {"t": t[:, None], "qm": np.sin(t)[:, None], "vir": np.cos(t)[:, None], "gtau": 35.15}
+    variables = {
+        "t": t[:, None],
+        "qm": np.sin(t)[:, None],
+        "qg": np.sin(t + 1e-3)[:, None],
+        "vir": np.cos(t)[:, None],
+        "gtau": 35.15,
+    }
     scipy.io.savemat(tmp_path / "DATA_EMPS.mat", variables)
     monkeypatch.chdir(tmp_path)
     command = found[1].replace(found[2], str(ROOT / found[2]))

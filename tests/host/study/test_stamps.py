@@ -219,9 +219,9 @@ def test_midnight() -> None:
 @pytest.mark.parametrize("lost", [1, 25])
 def test_what_moved_tells_a_lost_row_from_a_coarse_clock(period_s: float, lost: int) -> None:
     # Either way nearly all steps are one period of a round length, and a few are two.
-    rows = np.arange(6000.0)
+    rows = np.arange(6000)
     missing = np.sort(np.random.default_rng(11).choice(rows[100:-100], lost, replace=False))
-    kept = np.delete(rows, missing)
+    kept = np.delete(rows, missing).astype(np.float64)
     stamps = 0.0004 + period_s * kept
     counts = 2 * np.pi / 131_072
     assert recovered(stamps, counts * np.round(moving(stamps) / counts)) is None
