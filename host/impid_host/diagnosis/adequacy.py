@@ -36,25 +36,24 @@ def believable(table: Table, named: Sequence[int], report_hz: float) -> list[int
     kept = list(named)
     while True:
         left = excess(table, kept, report_hz)
-        stand = [
-            s
-            for s in kept
-            if _in_angles(table, s)
-            or _taken_over_left(
-                excess(table, [o for o in kept if o != s], report_hz),
-                {key: value for key, value in left.items() if key in acts_on(table, s)},
-            )
-            >= RULES.takes
-        ]
+        stand = [s for s in kept if _stands(table, kept, s, left, report_hz)]
         if stand == kept:
             return kept
         kept = stand
 
 
-def acts_on(table: Table, s: int) -> set[Key]:
-    """Channels in which the slot has a column."""
+def _stands(table: Table, kept: Sequence[int], s: int, left: Mapping[Key, float], report_hz: float) -> bool:
+    """Whether a name takes away enough where it acts; one that acts on the angles is not asked.
+
+    Args:
+        left: by channel, what all that are kept leave.
+    """
     own = table.columns([s])
-    return {run.key for run in table.runs if run.has(own)}
+    acts_on = {run.key for run in table.runs if run.has(own)}
+    if any(family == ANGLE for family, _ in acts_on):
+        return True
+    without = excess(table, [o for o in kept if o != s], report_hz)
+    return _taken_over_left(without, {key: left[key] for key in left if key in acts_on}) >= RULES.takes
 
 
 def _taken_over_left(without: Mapping[Key, float], left: Mapping[Key, float]) -> float:
@@ -105,9 +104,3 @@ def _low_pass(rate_hz: float, report_hz: float) -> Floats | None:
         return None
     result: Floats = signal.butter(_ORDER, report_hz, fs=rate_hz, output="sos")
     return result
-
-
-def _in_angles(table: Table, s: int) -> bool:
-    """Whether the slot shows in the angles' difference, of which no structure is sought."""
-    columns = table.columns([s])
-    return any(run.family == ANGLE and run.has(columns) for run in table.runs)

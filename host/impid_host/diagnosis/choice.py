@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from impid_host.diagnosis.adequacy import believable, excess
 from impid_host.diagnosis.case import Case, Progress, informed, silent, tabulated
 from impid_host.diagnosis.confidence import confidence_of
-from impid_host.diagnosis.constancy import constancy
+from impid_host.diagnosis.constancy import constancies
 from impid_host.diagnosis.correct import corrected
 from impid_host.diagnosis.events import Event, events
 from impid_host.diagnosis.leftover import changes, left_over, resemblance
@@ -176,7 +176,7 @@ def _borne_out(walk: Walk, best: Explanation, report_hz: float) -> tuple[list[in
     groups = {own.slot: (own.slot, *own.others) for own in rivals(walk, best)}
     while True:
         everything = [*kept, *unnamed]
-        asked = {s: constancy(table, everything, s) for s in kept}
+        asked = constancies(table, everything, kept)
         varying |= {s for s in kept if asked[s].varies > walk.rules.constant}
         wrong = varying.union(walk.impossible(walk.score(everything)))
         likely = [s for s in kept if asked[s].trust * probability(walk, groups[s]) > walk.rules.likely]
@@ -221,7 +221,7 @@ def evidence_of(choice: Choice, before: Sequence[int], s: int) -> Evidence:
         share_of_residual=float(min(1.0, less / max(above, less, 1e-300))),
         gain=by.gain,
         gain_se=by.se,
-        confidence=constancy(table, choice.best.slots, s).trust * probability(walk, [s]),
+        confidence=constancies(table, choice.best.slots, [s])[s].trust * probability(walk, [s]),
         runner_up=_runner_up(choice, s),
     )
 

@@ -39,14 +39,19 @@ class Constancy:
         return max(0.0, 1.0 - self.hidden / _UNTOLD)
 
 
-def constancy(table: Table, slots: Sequence[int], s: int) -> Constancy:
-    """Of the slot `s` of a set."""
-    rest = [o for o in slots if o != s]
-    takes = max(swept(table, table.columns(rest)).drop(table.slots[s].columns), 1e-300)
-    own = beside(table, table.columns([s]), table.columns(rest))
+def constancies(table: Table, slots: Sequence[int], asked: Sequence[int]) -> dict[int, Constancy]:
+    """Of some slots of a set."""
+    left = residuals(table, table.columns(slots))
+    return {s: _constancy(table, left, [o for o in slots if o != s], s) for s in asked}
+
+
+def _constancy(table: Table, left: Sequence[Floats], others: Sequence[int], s: int) -> Constancy:
+    columns, rest = table.columns([s]), table.columns(others)
+    takes = max(swept(table, rest).drop(table.slots[s].columns), 1e-300)
+    own = beside(table, columns, rest)
     besides, parameters = 0.0, 0
-    for run, C, r in zip(table.runs, own, residuals(table, table.columns(slots)), strict=True):
-        if run.family == REFERENCE or not run.has(table.columns([s])):
+    for run, C, r in zip(table.runs, own, left, strict=True):
+        if run.family == REFERENCE or not run.has(columns):
             continue
         more, free = _drop(C, r)
         besides, parameters = besides + more, parameters + free

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from impid_host.diagnosis.constancy import Constancy, constancy
+from impid_host.diagnosis.constancy import Constancy, constancies
 
 from .synthetic import Rows, curve, term
 
@@ -14,7 +14,7 @@ def taken(values: np.ndarray, **more: object) -> float:
     rows = Rows([term("friction.coulomb", "joint1"), curve("tau1", "theta1", size=2)], **more)  # type: ignore[arg-type]
     target = rows.target({})
     target += values[:, :, None] * rows.of(rows.terms[0], 0.0)[..., 0]
-    return constancy(rows.table(target), [0, 1], 0).varies
+    return constancies(rows.table(target), [0, 1], [0])[0].varies
 
 
 @pytest.mark.parametrize("size", [0.1, 1.0, 30.0])
@@ -45,7 +45,7 @@ def test_what_noise_alone_would_ask_for_is_no_inconstancy() -> None:
 def test_a_name_is_trusted_by_how_much_could_hide() -> None:
     """Four trials hide a chi-square of four: 23.5 at one in ten thousand, over what the name takes away."""
     rows = Rows([term("friction.coulomb", "joint1"), curve("tau1", "theta1", size=2)])
-    found = constancy(rows.table(rows.target({NAME: 0.5})), [0, 1], 0)
+    found = constancies(rows.table(rows.target({NAME: 0.5})), [0, 1], [0])[0]
     power = float(np.sum((0.5 * rows.of(rows.terms[0], 0.0)) ** 2))
     assert found.hidden == pytest.approx(23.51 / power, rel=0.2)
     assert found.trust == pytest.approx(1.0 - found.hidden / 0.2)
