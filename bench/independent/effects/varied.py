@@ -6,15 +6,15 @@ trials only, with another value in each trial, at one joint where it was both, w
 
 from __future__ import annotations
 
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 from numpy.random import Generator
 
 from ..mechanics import Array
 from ..motion import Motion
-from .base import Effect, play, shifted, sign, turn
-from .machine import Cogging, DryFriction, JointSpring, SoftTransmission, TiltedTable, TipDamping
+from .base import Effect, play, shifted, sign
+from .machine import Cable, Cogging, DryFriction, JointSpring, SoftTransmission, TiltedTable, TipDamping
 
 SENSOR = frozenset({"force_sensor"})
 
@@ -119,29 +119,14 @@ class SteepStribeck(Effect):
         return {"torque": self.per_joint(self.amount * self.shares), "speed": self.speed}
 
 
-class CableInFreeTrials(Effect):
+class CableInFreeTrials(Cable):
     """A calibration lead hangs on the end point in the free trials; the force sensor knows the loads' side."""
 
-    name, needs, start = "elastic.cartesian", SENSOR, 5.0
-    whens: ClassVar[tuple[str, ...]] = ("free",)
-
-    def draw(self, rng: Generator) -> None:
-        axes = turn(float(rng.uniform(0, np.pi)))
-        self.K = axes @ np.diag([1.0, rng.uniform(0.05, 0.8)]) @ axes.T
-        self.rest = self.lab.home + rng.normal(0, 0.05, 2)
-
-    def reaction(self, m: Motion, tau: Array) -> Array:
-        return m.robot.to_joints(m.theta, self.amount * (m.x - self.rest) @ self.K.T)
-
-    def parameters(self) -> dict[str, Any]:
-        return {"K": (self.amount * self.K).tolist(), "rest": self.rest.tolist()}
+    whens, needs = ("free",), SENSOR
 
 
-class RubberBandAfar(CableInFreeTrials):
+class RubberBandAfar(Cable):
     """A long rubber band to a far hook: a soft spring along one line with a large constant pull, in all trials."""
-
-    whens: ClassVar[tuple[str, ...]] = ("all",)
-    needs: ClassVar[frozenset[str]] = frozenset()
 
     def draw(self, rng: Generator) -> None:
         way = rng.uniform(0, 2 * np.pi)
