@@ -8,7 +8,6 @@ writes a JSON file with every parameter, and a figure, beside the page.
 """
 
 import argparse
-import hashlib
 import json
 import sys
 from collections import defaultdict
@@ -23,29 +22,15 @@ import numpy as np
 from coverage_figure import draw
 from coverage_study import LOADS, POLES_HZ, Values, one_study
 from impid_host.errors import UndeterminedError
+from kept import Kept
 from scipy.stats import binom
 
 
-def fingerprint() -> str:
-    """Of the code that the results depend on."""
+def code() -> list[Path]:
+    """Files that the results depend on."""
     packages = (impid_host.impedance, impid_host.signals, impid_host.robot)
-    files = [Path(coverage_study.__file__)] + [
-        f for p in packages for f in sorted(Path(p.__path__[0]).glob("*.py"))
-    ]
-    return hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()[:16]
-
-
-def kept(path: Path) -> dict[str, Values]:
-    """Studies already done by this same code, by "seed kind colour"; the file is begun anew otherwise."""
-    own = fingerprint()
-    if path.exists():
-        first, *lines = path.read_text(encoding="utf-8").splitlines()
-        if json.loads(first).get("fingerprint") == own:
-            whole = (json.loads(line) for line in lines if line.endswith("}"))
-            return {entry["study"]: entry["values"] for entry in whole}
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(json.dumps({"fingerprint": own}) + "\n", encoding="utf-8")
-    return {}
+    own = [file for package in packages for file in sorted(Path(package.__path__[0]).glob("*.py"))]
+    return [Path(coverage_study.__file__), *own]
 
 
 def job(seed: int, kind: str, colour: str) -> tuple[str, Values]:
@@ -59,14 +44,13 @@ def job(seed: int, kind: str, colour: str) -> tuple[str, Values]:
 
 def run(studies: int, path: Path, workers: int) -> dict[str, Values]:
     """Every study asked for, all rows' first seeds first."""
-    done = kept(path)
+    kept = Kept(path, code())
+    done: dict[str, Values] = kept.answers
     todo = [(seed, kind, colour) for seed in range(studies) for kind in LOADS for colour in POLES_HZ]
     todo = [part for part in todo if "{} {} {}".format(*part) not in done]
-    with ProcessPoolExecutor(workers) as pool, path.open("a", encoding="utf-8") as file:
+    with ProcessPoolExecutor(workers) as pool:
         for name, values in pool.map(job, *zip(*todo, strict=True), chunksize=6) if todo else ():
-            done[name] = values
-            file.write(json.dumps({"study": name, "values": values}) + "\n")
-            file.flush()
+            kept.put(name, values)
     return done
 
 

@@ -8,7 +8,6 @@ IMPID_DATA holds the measured EMPS record, its parameters stand beside the publi
 """
 
 import argparse
-import hashlib
 import json
 import os
 from collections.abc import Callable, Iterator
@@ -28,6 +27,7 @@ from impid_host.impedance.identify import RobotFit
 from impid_host.impedance.rows import Split
 from impid_host.signals.chain import CHAINS, DEFAULT
 from impid_host.study.importing import import_logs
+from kept import Kept
 
 ROOT = Path(__file__).resolve().parents[1]
 PUBLISHED = {
@@ -122,44 +122,33 @@ def held(ci95: np.ndarray, truth: np.ndarray) -> list[bool]:
     return [bool(low <= own <= high) for (low, high), own in zip(ci95, truth, strict=True)]
 
 
-def fingerprint() -> str:
-    """Of the code that the answers depend on."""
+def code() -> list[Path]:
+    """Files that the answers depend on."""
     folder = Path(impid_host.impedance.__path__[0])
     files = [Path(estimator_cases.__file__), *sorted((folder / "estimators").glob("*.py"))]
-    files += [folder / f"{name}.py" for name in ("linear", "identify", "colour", "kernel", "rows")]
-    return hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()[:16]
+    return files + [folder / f"{name}.py" for name in ("linear", "identify", "colour", "kernel", "rows")]
 
 
 def run(
     studies: int, slow: int, path: Path, only: str, *, kept: bool
 ) -> dict[tuple[str, str, str], list[dict[str, Any]]]:
     """Every study that was asked for, from the file where it is there."""
-    own, done = fingerprint(), {}
-    if path.exists():
-        first, *lines = path.read_text(encoding="utf-8").splitlines()
-        if json.loads(first)["fingerprint"] == own:
-            entries = [json.loads(line) for line in lines if line.endswith("}")]
-            done = {entry["study"]: entry["found"] for entry in entries}
-    if not done:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(json.dumps({"fingerprint": own}) + "\n", encoding="utf-8")
+    answers = Kept(path, code())
+    done = answers.answers
     result: dict[tuple[str, str, str], list[dict[str, Any]]] = {}
-    with path.open("a", encoding="utf-8") as file:
-        for row in rows():
-            if only not in row.what:
-                continue
-            found = []
-            for seed in range(slow // row.slow if row.slow else studies):
-                name = f"{row.what} {row.noise} {row.wish} {seed}"
-                if name not in done and kept:
-                    continue
-                if name not in done:
-                    done[name] = answer(row, seed)
-                    file.write(json.dumps({"study": name, "found": done[name]}) + "\n")
-                    file.flush()
-                found.append(done[name])
-            if len(found) > 1:
-                result[row.what, row.noise, row.wish] = found
+    for row in rows():
+        if only not in row.what:
+            continue
+        names = [
+            f"{row.what} {row.noise} {row.wish} {seed}"
+            for seed in range(slow // row.slow if row.slow else studies)
+        ]
+        for seed, name in enumerate(names):
+            if name not in done and not kept:
+                answers.put(name, answer(row, seed))
+        found = [done[name] for name in names if name in done]
+        if len(found) > 1:
+            result[row.what, row.noise, row.wish] = found
     return result
 
 

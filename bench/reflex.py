@@ -9,7 +9,6 @@ white beside a slow drift of the subject's will (pole at 0.1 Hz).
 """
 
 import argparse
-import hashlib
 import json
 from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
@@ -19,6 +18,7 @@ from typing import Any
 import impid_host.impedance
 import numpy as np
 from impid_host.impedance.reflex import Band, fit_reflex, followed_band
+from kept import Kept
 from scipy import signal
 
 FINE_HZ, RATE_HZ, SECONDS, FIT_S = 2000.0, 500.0, 50.0, 35.0
@@ -92,24 +92,14 @@ def run(joints: int, path: Path, workers: int) -> dict[str, Any]:
     """Every joint, those done by this same code taken from the file."""
     folder = Path(impid_host.impedance.__path__[0])
     files = [Path(__file__), *(folder / f"{n}.py" for n in ("reflex", "reflex_path", "linear", "colour"))]
-    own = hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()[:16]
-    done: dict[str, Any] = {}
-    if path.exists():
-        first, *lines = path.read_text(encoding="utf-8").splitlines()
-        if json.loads(first)["fingerprint"] == own:
-            entries = [json.loads(line) for line in lines if line.endswith("}")]
-            done = {entry["joint"]: entry["found"] for entry in entries}
-    if not done:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(json.dumps({"fingerprint": own}) + "\n", encoding="utf-8")
+    kept = Kept(path, files)
+    done = kept.answers
     todo = [(s, r) for s in range(joints) for r in (True, False) if f"{s} {r}" not in done]
-    with ProcessPoolExecutor(workers) as pool, path.open("a", encoding="utf-8") as file:
+    with ProcessPoolExecutor(workers) as pool:
         for (seed, reflex), found in zip(
             todo, pool.map(one, *zip(*todo, strict=True)) if todo else (), strict=True
         ):
-            done[f"{seed} {reflex}"] = found
-            file.write(json.dumps({"joint": f"{seed} {reflex}", "found": found}) + "\n")
-            file.flush()
+            kept.put(f"{seed} {reflex}", found)
     return done
 
 

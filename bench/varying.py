@@ -7,7 +7,6 @@ axes. Arms done are kept in a file that begins with a fingerprint of the estimat
 """
 
 import argparse
-import hashlib
 import json
 from collections import defaultdict
 from collections.abc import Sequence
@@ -23,18 +22,18 @@ from impid_host.impedance.loads import arm as arm_model
 from impid_host.impedance.varying.expand import Scheduled
 from impid_host.impedance.varying.fit import CLAIMED_BELOW, VaryingFit, fit_varying
 from impid_host.signals.chain import DEFAULT
+from kept import Kept
 
 AXES = {1: ("x",), 2: ("x", "y")}
 
 
-def fingerprint() -> str:
-    """Of the code that the results depend on."""
+def code() -> list[Path]:
+    """Files that the results depend on."""
     folders = (impid_host.impedance, impid_host.impedance.varying)
     files = [Path(varying_arm.__file__)]
     files += [Path(folders[0].__path__[0]) / name for name in ("colour.py", "rows.py", "loads.py")]
     own = ("asked", "bands", "curves", "expand", "fit", "posterior")
-    files += [Path(folders[1].__path__[0]) / f"{name}.py" for name in own]
-    return hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()[:16]
+    return files + [Path(folders[1].__path__[0]) / f"{name}.py" for name in own]
 
 
 def truths(arm: varying_arm.Arm, fit: VaryingFit) -> dict[str, np.ndarray]:
@@ -77,22 +76,12 @@ def one(seed: int, d: int, constant: bool) -> dict[str, Any]:
 
 def run(todo: Sequence[tuple[int, int, bool]], path: Path, workers: int) -> dict[str, Any]:
     """Every arm asked for."""
-    done: dict[str, Any] = {}
-    own = fingerprint()
-    if path.exists():
-        first, *lines = path.read_text(encoding="utf-8").splitlines()
-        if json.loads(first)["fingerprint"] == own:
-            entries = [json.loads(line) for line in lines if line.endswith("}")]
-            done = {entry["arm"]: entry["found"] for entry in entries}
-    if not done:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(json.dumps({"fingerprint": own}) + "\n", encoding="utf-8")
+    kept = Kept(path, code())
+    done = kept.answers
     todo = [job for job in todo if "{} {} {}".format(*job) not in done]
-    with ProcessPoolExecutor(workers) as pool, path.open("a", encoding="utf-8") as file:
+    with ProcessPoolExecutor(workers) as pool:
         for job, found in zip(todo, pool.map(one, *zip(*todo, strict=True)) if todo else (), strict=True):
-            done["{} {} {}".format(*job)] = found
-            file.write(json.dumps({"arm": "{} {} {}".format(*job), "found": found}) + "\n")
-            file.flush()
+            kept.put("{} {} {}".format(*job), found)
     return done
 
 
