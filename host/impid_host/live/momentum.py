@@ -77,23 +77,10 @@ def _momentum(
 ) -> tuple[Floats, Floats]:
     """M omega and C^T omega - friction - gravity, (N, n) each, from the one model of the torque.
 
-    The regressor is linear in the acceleration: at rest, less what gravity does, one unit of it gives a
-    column of M. C^T omega less all that the motion costs is (C + C^T) omega - Y(theta, omega, 0) value.
+    C^T omega less all that the motion costs is (C + C^T) omega less the torque without acceleration.
     """
+    inertia, without = structure.dynamics(theta, omega, value)
     model = structure.model
-    rows, n = theta.shape
-    still = np.zeros_like(omega)
-    units = np.repeat(np.eye(n), rows, axis=0)
-    torque = (
-        structure.regressor(
-            np.tile(theta, (n + 2, 1)),
-            np.concatenate([omega, *[still] * (n + 1)]),
-            np.concatenate([still, still, units]),
-        )
-        @ value
-    ).reshape(n + 2, rows, n)
-    inertia = torque[2:] - torque[1]
-    p = np.einsum("jki,kj->ki", inertia, omega)
     C = model.coriolis(theta, omega, value[: len(model.parameter_names)])
     both = np.einsum("kij,kj->ki", C + np.swapaxes(C, 1, 2), omega)
-    return p, both - torque[0]
+    return np.einsum("kij,kj->ki", inertia, omega), both - without

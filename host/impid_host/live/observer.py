@@ -103,7 +103,7 @@ class LiveForce:
         reached = self._state.momentum.t if self._state is not None else rows.t[0]
         if rows.t[0] - max(reached, self._waiting.t[-1] if self._waiting else reached) > _GAP_S:
             self._state, self._waiting = None, None
-        pending = rows if self._waiting is None else self._waiting.and_then(rows)
+        pending = rows if self._waiting is None else Rows.joined([self._waiting, rows])
         felt = self._known(pending)
         if felt is None:
             self._waiting = None
@@ -118,8 +118,7 @@ class LiveForce:
         device = self.module.last()
         if device is None or not self._last:
             return None
-        parts = list(self._last)
-        return device, Rows(*(np.concatenate([getattr(p, k) for p in parts]) for k in ("t", "theta", "tau")))
+        return device, Rows.joined(list(self._last))
 
     def _known(self, rows: Rows) -> Floats | None:
         """Instants of the rows on the module's clock, where its samples can serve them."""

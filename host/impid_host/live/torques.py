@@ -5,6 +5,7 @@ stamps. A line is `t,theta1,..,thetan,tau1,..,taun` as in robot.csv; what stands
 """
 
 import socket
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -33,9 +34,10 @@ class Rows:
         """Some of them."""
         return Rows(self.t[which], self.theta[which], self.tau[which])
 
-    def and_then(self, more: "Rows") -> "Rows":
-        """These and those that follow."""
-        return Rows(*(np.concatenate([getattr(self, k), getattr(more, k)]) for k in ("t", "theta", "tau")))
+    @classmethod
+    def joined(cls, parts: Sequence["Rows"]) -> "Rows":
+        """All of them, in their order."""
+        return cls(*(np.concatenate([getattr(part, k) for part in parts]) for k in ("t", "theta", "tau")))
 
 
 @dataclass(slots=True)

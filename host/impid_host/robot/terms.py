@@ -146,6 +146,23 @@ class RobotStructure:
             blocks.append(column[:, :, None] * np.eye(self.model.joints))
         return np.concatenate(blocks, axis=2)
 
+    def dynamics(self, theta: Floats, omega: Floats, value: Floats) -> tuple[Floats, Floats]:
+        """M (N, n, n) and rest (N, n) with tau = M theta'' + rest, in free motion.
+
+        The regressor is linear in the acceleration: with one unit of it, less what is there without, it gives
+        a column of M, optional terms included.
+
+        Args:
+            theta, omega: (N, n) each; value: parameters, (p,), or (N, p) for each row its own.
+        """
+        rows, n = theta.shape
+        units = np.zeros((n + 1, rows, n))
+        units[range(1, n + 1), :, range(n)] = 1.0
+        places, speeds = (np.concatenate([part] * (n + 1)) for part in (theta, omega))
+        Y = self.regressor(places, speeds, units.reshape(-1, n)).reshape(n + 1, rows, n, -1)
+        torque = (Y @ value[..., None])[..., 0]
+        return (torque[1:] - torque[0]).transpose(1, 2, 0), torque[0]
+
 
 def robot_structure(model: RobotModel, names: tuple[str, ...] = ()) -> RobotStructure:
     """The model with the named optional terms.

@@ -161,3 +161,24 @@ def test_unknown_names_are_refused() -> None:
         robot_structure(ABSOLUTE, ("friction.magic",))
     with pytest.raises(UndeterminedError, match="needs urdf"):
         robot_model(RobotSetup("urdf"))
+
+
+@pytest.mark.parametrize("each_its_own", [False, True])
+def test_inertia_and_the_rest_of_the_torque_are_the_textbooks(each_its_own: bool) -> None:
+    """tau = M theta'' + C omega + Fc sign(omega), by the model's own M and C; of one robot or of several."""
+    rng = np.random.default_rng(4)
+    theta, omega, theta_dd = rng.uniform(-1.0, 1.0, (3, 40, 2))
+    structure = robot_structure(ABSOLUTE, ("friction.coulomb",))
+    count = len(ABSOLUTE.parameter_names)
+    value = rng.uniform(0.05, 0.2, (40, count + 2) if each_its_own else count + 2)
+    M, rest = structure.dynamics(theta, omega, value)
+    for k in range(40):
+        own = value[k] if each_its_own else value
+        at = slice(k, k + 1)
+        np.testing.assert_allclose(M[k], ABSOLUTE.inertia(theta[at], own[:count])[0], atol=1e-12)
+        C = ABSOLUTE.coriolis(theta[at], omega[at], own[:count])[0]
+        viscous = own[count - 2 : count] * omega[k]
+        expected = C @ omega[k] + viscous + own[count:] * np.sign(omega[k])
+        np.testing.assert_allclose(rest[k], expected, atol=1e-12)
+        torque = structure.regressor(theta[at], omega[at], theta_dd[at])[0] @ own
+        np.testing.assert_allclose(M[k] @ theta_dd[k] + rest[k], torque, atol=1e-12)

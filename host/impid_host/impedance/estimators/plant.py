@@ -77,15 +77,9 @@ class Machines:
 
     def accelerations(self, theta: Floats, omega: Floats, tau: Floats) -> Floats:
         """theta'' of each machine, (B, n)."""
-        count, n = theta.shape
-        # One call for the torque without acceleration and with a unit of each: the inertia is the difference.
-        units = np.zeros((n + 1, count, n))
-        units[range(1, n + 1), :, range(n)] = 1.0
-        places, speeds = (np.concatenate([part] * (n + 1)) for part in (theta, omega))
-        Y = self.structure.regressor(places, speeds, units.reshape(-1, n)).reshape(n + 1, count, n, -1)
-        torque = (Y @ self.alpha[:, :, None])[:, :, :, 0]
-        inertia = (torque[1:] - torque[0]).transpose(1, 2, 0)
-        rest = tau - torque[0]
+        count = len(theta)
+        inertia, without = self.structure.dynamics(theta, omega, self.alpha)
+        rest = tau - without
         if self.load is not None and self.value is not None:
             model = self.structure.model
             J = model.jacobian(theta)
