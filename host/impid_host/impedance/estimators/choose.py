@@ -30,7 +30,6 @@ from impid_host.impedance.loads import LoadModel
 from impid_host.impedance.rows import Split, finish
 from impid_host.robot.terms import RobotStructure
 from impid_host.signals.align import AlignedTrial
-from impid_host.signals.arrays import Floats
 from impid_host.signals.chain import Chain
 
 HARMLESS = 1 / 3  # of a standard deviation: a 95 % interval then covers 93.7 %
@@ -150,10 +149,9 @@ class Regression:
                 reason = f"it cannot be compared with anything; {error}"
                 return replace(plain, estimated=Estimated("least-squares", reason))
             raise
-        bias = _bias(plain.estimate, fit.estimate)
+        name, bias = _worst(plain.estimate, fit.estimate)
         if self.wish == "instruments":
             return replace(fit, estimated=Estimated("instruments", "as asked for", source, bias))
-        name = plain.estimate.names[_worst(plain.estimate, fit.estimate)]
         words = (
             f"against instruments by the {source}, least squares move {name} by {bias[0]:.2g} of its "
             f"standard deviation, at most {bias[1]:.2g}"
@@ -209,22 +207,12 @@ class Regression:
                 )
 
 
-def _shift(plain: Estimate, other: Estimate) -> tuple[Floats, Floats]:
-    """By how much least squares differ, in standard deviations, and how sure that is, (p,) each."""
+def _worst(plain: Estimate, other: Estimate) -> tuple[str, tuple[float, float]]:
+    """The parameter that may be off most: its name, its shift and the most of it, in standard deviations."""
     if other.least_squares is None or plain.names != other.names:
         raise UndeterminedError("instruments and least squares determine different combinations")
     sd = np.minimum(plain.sd, other.sd)
-    moved = np.maximum(np.abs(plain.value - other.value), np.abs(other.least_squares[0]))
-    return moved / sd, other.least_squares[1] / sd
-
-
-def _worst(plain: Estimate, other: Estimate) -> int:
-    moved, spread = _shift(plain, other)
-    return int(np.argmax(moved + _SURE * spread))
-
-
-def _bias(plain: Estimate, other: Estimate) -> tuple[float, float]:
-    """Of the parameter that may be off most: the shift, and the most that it may be."""
-    moved, spread = _shift(plain, other)
-    k = _worst(plain, other)
-    return float(moved[k]), float(moved[k] + _SURE * spread[k])
+    moved = np.maximum(np.abs(plain.value - other.value), np.abs(other.least_squares[0])) / sd
+    most = moved + _SURE * other.least_squares[1] / sd
+    k = int(np.argmax(most))
+    return plain.names[k], (float(moved[k]), float(most[k]))
