@@ -1,7 +1,6 @@
 """The decoder in C against the one in Python, byte for byte: clean, damaged, random and cut into pieces
 of any size."""
 
-from dataclasses import fields
 from functools import lru_cache
 from pathlib import Path
 
@@ -12,6 +11,8 @@ from impid_host.wire.decoder import SerialDecoder
 from impid_host.wire.deframer import Deframer
 from impid_host.wire.frame import LARGEST_FRAME_BYTES, Header, encode_frame
 from impid_host.wire.messages import ACCEL, ENCODER, KIND, RECORD_BYTES
+
+from tests.host.wire.told import told
 
 GOLDEN = Path(__file__).parents[2] / "protocol" / "golden"
 RNG = np.random.default_rng(17)
@@ -71,11 +72,7 @@ def decoded(data: bytes, pieces: list[int], *, in_c: bool) -> list[object]:
     for size in pieces:
         part = decoder.feed(data[at : at + size])
         at += size
-        out.append((list(part.statuses), part.responses, part.pongs, part.events, decoder.counts))
-        for segment in part.segments:
-            columns = [getattr(segment.samples, f.name) for f in fields(segment.samples)]
-            out.append((segment.boot_id, segment.run, segment.index.tolist()))
-            out.append([None if c is None else (c.dtype.str, c.tolist()) for c in columns])
+        out += told(part, decoder.counts)
     return out
 
 

@@ -1,7 +1,6 @@
 """The CAN decoder in C against the one in Python, byte for byte: a board's frames whole, lost, doubled, late
 or changed, in pieces of any size."""
 
-from dataclasses import fields
 from functools import lru_cache
 from typing import Any
 
@@ -16,6 +15,7 @@ from impid_host.wire.tracker import Position
 from numpy.typing import NDArray
 
 from hil_sim.board.native import BoardConfig, NativeBoard
+from tests.host.wire.told import told
 
 RNG = np.random.default_rng(18)
 TICKS, PER_RUN = 4000, 20
@@ -98,11 +98,7 @@ def decoded(
     for size in sizes:
         part = decoder.feed(frames[at : at + size].tobytes())
         at += size
-        out.append((list(part.statuses), part.responses, part.pongs, part.events, decoder.counts))
-        for segment in part.segments:
-            columns = [getattr(segment.samples, f.name) for f in fields(segment.samples)]
-            out.append((segment.boot_id, segment.run, segment.index.tobytes()))
-            out.append([None if c is None else (c.dtype.str, c.tobytes()) for c in columns])
+        out += told(part, decoder.counts)
     return out
 
 
