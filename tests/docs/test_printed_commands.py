@@ -122,7 +122,7 @@ def test_the_board_with_the_simulators(tmp_path: Path, monkeypatch: pytest.Monke
 def test_the_measured_record(measured_data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The published file again, from the table of the measured data."""
     table = pyarrow.parquet.read_table(measured_data / "emps" / "bangbang.parquet")
-    named = {"t": "t_s", "qm": "q_meas_m", "vir": "u_V"}
+    named = {"t": "t_s", "qg": "q_ref_m", "qm": "q_meas_m", "vir": "u_V"}
     columns = {name: np.asarray(table[column])[:, None] for name, column in named.items()}
     scipy.io.savemat(tmp_path / "DATA_EMPS.mat", {**columns, "gtau": 35.15065188})
     shutil.copytree(ROOT / "docs" / "mappings", tmp_path / "docs" / "mappings")
